@@ -231,7 +231,9 @@ def _extrapolate(state: PushState, start: Direction, previous: list[Direction]) 
     moves, falls = (np.stack(part) for part in zip((move, fall), *previous, strict=True))
     left, falls_of_faces = faces.left[: len(move)], falls[:, : len(move)]
     stiffness = moves @ falls_of_faces.T
-    scale = np.sqrt(np.maximum(np.diag(stiffness), np.finfo(float).tiny))
+    if not np.diag(stiffness).min() > 0.0:
+        return []  # agents of one's own may add energy: their directions lead nowhere
+    scale = np.sqrt(np.diag(stiffness))
     load = moves @ left / scale
     lengths = np.linalg.lstsq(stiffness / np.outer(scale, scale), load, rcond=1e-12)[0] / scale
     further, fallen = lengths @ moves, lengths @ falls

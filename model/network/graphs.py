@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kaju.arrays import Floats, Ints
-from kaju.errors import SceneError
+from kaju.errors import SceneError, brief
 from kaju.model.scene.validation import plain
 
 Vectors = str | tuple[str, ...] | Mapping[Hashable, Any]
@@ -35,6 +35,11 @@ def read_graph(
     displacements: Vectors,
 ) -> dict[str, Any]:
     """Return what `SpringNetwork.build` takes; arguments as of `SpringNetwork.from_graph`."""
+    if not hasattr(graph, "is_directed"):
+        raise SceneError(
+            f"graph: must be a graph of networkx, got {brief(graph)}; networkx reads files, "
+            "such as networkx.read_graphml(path)"
+        )
     if graph.is_directed():
         raise SceneError(
             "graph: springs have no direction; make it undirected with graph.to_undirected()"

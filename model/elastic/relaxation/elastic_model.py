@@ -249,7 +249,8 @@ class ElasticModel(SteppedModel):
             if self.generation == 0:
                 return f"no load exceeds the threshold of {self.threshold:g} N: nothing happens"
             return f"at rest after {count} {unit}"
-        if not self._loudest <= 1e12 * self._loudest_at_start:  # or it is no number
+        most = 1e12 if self.face_agent is FaceAgent else 1e3  # as for other agents of your own
+        if not self._loudest <= most * self._loudest_at_start:  # or it is no number
             return (
                 f"stopped after {count} {unit}: the largest load has grown to "
                 f"{self._loudest / self._loudest_at_start:.0e} times that of the start"

@@ -193,9 +193,10 @@ class MaterialAgent(PlacedAgent):
 
     def pass_on(self, load: Load) -> None:
         """Hand the other shares of a load to the neighbours, unless they are too small."""
-        if load is self._handed or type(load) is not Load:
+        if type(load) is not Load:
+            raise self.engine.guard.wrong(self, "pass_on", f"gets the load, not {brief(load)}")
+        if load is self._handed:
             what = "hands one load on twice; call super().pass_on(load) once for a load"
-            what = what if type(load) is Load else f"gets the load, not {brief(load)}"
             raise self.engine.guard.wrong(self, "pass_on", what)
         self._handed = load
         emissions, (_, magnitude, copies, _) = self.emissions(load), load

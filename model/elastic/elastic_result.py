@@ -306,7 +306,8 @@ class ElasticResult(BodyResult):
         found = self.found
         if not isinstance(found, PairAgents) or (in_plane and not found.two_minds):
             where = " in the plane" if in_plane else ""
-            raise ResultError(f"{name}: only agents that spawned{where}; solve with a tolerance")
+            told = f"{name}: only agents that spawned{where} can tell it"
+            raise ResultError(f"{told}; solve with a tolerance")
         return found
 
     @property

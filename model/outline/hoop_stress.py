@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from kaju.arrays import Flags, Floats, Ints
+from kaju.model.elastic.pair.gap import tensors
 from kaju.model.elastic.pair.leaves import LeafCells
 
 from .arc_triangles import ArcFrames
@@ -19,8 +20,6 @@ if TYPE_CHECKING:
     from kaju.model.elastic.pair.cut_pair import CutPair
 
 BESIDE = 2  # agents on either side over which both are compared
-
-_TENSOR = [[0, 2], [2, 1]]  # of xx, yy, xy
 
 
 @dataclass(frozen=True)
@@ -59,8 +58,8 @@ class HoopStress:
         long = np.hypot(*run.T)
         d = run / np.maximum(long, 1e-300)[:, None]
         n = np.stack([d[:, 1], -d[:, 0]], axis=1)
-        stress = pair.balancing.stress_at(leaf, middle, law)[:, _TENSOR]
-        strain = (pair.fitting.strain_at(leaf, middle, law) * [1.0, 1.0, 0.5])[:, _TENSOR]
+        stress = tensors(pair.balancing.stress_at(leaf, middle, law))
+        strain = tensors(pair.fitting.strain_at(leaf, middle, law) * [1.0, 1.0, 0.5])
         turned = "na,nab,nb->n"
         tension = np.einsum(turned, n, stress, n)
         stretch = np.einsum(turned, d, strain, d)

@@ -20,6 +20,7 @@ from kaju.model.outline.posed_outlines import UnlikeError
 from kaju.model.outline.true_shapes import TINY, Law
 
 from .cut_mesh import Border, CutMesh, slopes
+from .gap import tensors
 from .leaves import Entries, coo, followed
 from .sheets import Sheets
 
@@ -215,7 +216,7 @@ class Balancing(CutField):
 
     def through(self, axis: int, at: Floats) -> Floats:
         """Return the force through straight cuts across an axis, (n, 2): ∫ σ n over each."""
-        across = (self.values + self.bearing(self.corners))[..., [[0, 2], [2, 1]][axis]]
+        across = tensors(self.values + self.bearing(self.corners))[..., axis]
         thirds = np.concatenate([self.corners, across], axis=3).reshape(-1, 3, 4)
         out = np.empty((len(at), 2))
         for k, place in enumerate(at.tolist()):

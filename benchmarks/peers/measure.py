@@ -46,9 +46,9 @@ class Measurement:
     failure: str = ""  # Why there is no answer
 
 
-def jobs(quick: bool, problems: tuple[str, ...] = ()) -> Iterator[tuple[str, str, int]]:
-    """Yield problem, method and division of all jobs; of all problems unless some are named."""
-    for problem in problems or tuple(PROBLEMS):
+def jobs(quick: bool) -> Iterator[tuple[str, str, int]]:
+    """Yield problem, method and division of all jobs."""
+    for problem in PROBLEMS:
         for method in METHODS.values():
             for division in method.divisions[problem]:
                 if not quick or cells_of(problem, division) <= method.quick:

@@ -1,4 +1,4 @@
-"""The methods that are compared: agents, kaju's solver, finite elements.
+"""The methods that are compared: kaju's solver on equal cells and by agents, finite elements.
 
 Each takes a problem and how often the picture's cells are split, and answers with a function that
 looks up the displacements at the problem's points. What is timed starts from the description and
@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
 from importlib.util import find_spec
-from typing import Any, Literal
+from typing import Any
 
 import kaju
 from kaju.arrays import Floats
@@ -23,9 +23,6 @@ from .sparse import Solver
 Answer = Callable[[], Floats]  # Looks up the displacements at the problem's points
 Prepare = Callable[[Problem, int], Callable[[], Answer]]
 
-WAVE_TOLERANCE = 2e-4
-"""Agents rest when the loads left are this share, in energy: below the error of their grids."""
-FIT_EVALUATIONS = 300
 SPAWNED = 0.4  # Tolerance of agents that spawn, times the division
 ESTIMATED = 1.6  # Estimated error at which quadratic elements end, times the division
 
@@ -84,41 +81,6 @@ def spawning(problem: Problem, division: int) -> Callable[[], Answer]:
     return job
 
 
-def agents(
-    order: Literal["wave", "largest first"], problem: Problem, division: int
-) -> Callable[[], Answer]:
-    """Let the agents of the elastic rule push until they rest."""
-    rule = kaju.ElasticRule(order=order, tolerance=WAVE_TOLERANCE)
-    pushes = 1000 if order == "largest first" else 1
-
-    def job() -> Answer:
-        scene = problem.scene(division).replace(rule=rule)
-        run = kaju.ElasticModel(scene, engine="arrays", pushes_per_step=pushes).run()
-        return lambda: run.result.displacement_at(problem.points)
-
-    return job
-
-
-def prescribed(problem: Problem, division: int) -> Callable[[], Answer]:
-    """Let agents pass load on by the default coefficients."""
-    return lambda: _transferred(problem, problem.scene(division, "prescribed"))
-
-
-def fitted(problem: Problem, division: int) -> Callable[[], Answer]:
-    """Let agents pass load on by coefficients fitted to the truth; the search is not timed."""
-    scene, end = problem.scene(1, "prescribed"), FIT_EVALUATIONS
-    fit = kaju.fit_rule(scene, problem.truth(), evaluations=end)
-    return lambda: _transferred(
-        problem, problem.scene(division, "prescribed").replace(rule=fit.rule)
-    )
-
-
-def _transferred(problem: Problem, scene: kaju.Scene) -> Answer:
-    result = kaju.LoadModel(scene, engine="arrays").run()
-    _ = result.displacement_field
-    return lambda: result.displacement_at(problem.points)
-
-
 def elements(solver: Solver, problem: Problem, division: int) -> Callable[[], Answer]:
     """Let bilinear elements answer on the same cells."""
     return lambda: bilinear.solve(problem, division, solver)
@@ -143,9 +105,6 @@ def _on(plate: int, block: int, pixels: int, first: int = 1) -> dict[str, tuple[
     return {name: tuple(p for p in powers if first <= p <= end) for name, end in largest.items()}
 
 
-_PUSHED, _PASSED = _on(2, 1, 1), _on(4, 4, 4)
-_FEM = ("skfem",)
-
 METHODS = {
     method.name: method
     for method in (
@@ -156,22 +115,6 @@ METHODS = {
         Method(
             "spawning", "kaju.solve, agents that spawn", spawning, _on(64, 8, 16, first=2), 25_600,
             ("#0b5394", "o", "--"),
-        ),
-        Method(
-            "wave", "agents, elastic rule, wave", partial(agents, "wave"), _PUSHED, 0,
-            ("#5fa8d3", "^", "-"),
-        ),
-        Method(
-            "largest_first", "agents, elastic rule, largest first",
-            partial(agents, "largest first"), _PUSHED, 0, ("#5fa8d3", "v", "--"),
-        ),
-        Method(
-            "prescribed", "agents, prescribed rule", prescribed, _PASSED, 1_600,
-            ("#c8963e", "s", "-"),
-        ),
-        Method(
-            "fitted", "agents, prescribed rule, fitted", fitted, _PASSED, 1_600,
-            ("#c8963e", "D", "--"),
         ),
         Method(
             "superlu", "bilinear elements, SuperLU", partial(elements, "superlu"),
@@ -187,7 +130,7 @@ METHODS = {
         ),
         Method(
             "quadratic", "adaptive quadratic triangles", adaptive, _on(64, 0, 64, first=2), 409_600,
-            ("#4d8b57", "P", "-"), _FEM,
+            ("#4d8b57", "P", "-"), ("skfem",),
         ),
     )
 }  # fmt: skip

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 
@@ -46,7 +45,6 @@ class Problem:
     """A body of cells on rigid ground, pressed on part of its top."""
 
     name: str
-    title: str  # For files and for people
     picture: Flags  # Which cells are material, indexed [x, y(, z)]
     edge: float  # Edge of the picture's cells (m)
     youngs_modulus: float  # (Pa)
@@ -66,7 +64,7 @@ class Problem:
         """Middles of the picture's cells (m): off corners, where no grid converges quickly."""
         return np.asarray(self.edge * (np.argwhere(self.picture) + 0.5))
 
-    def scene(self, division: int, kind: Literal["elastic", "prescribed"] = "elastic") -> Scene:
+    def scene(self, division: int) -> Scene:
         """Return the body with every cell of the picture split `division` times per axis."""
         top = [0.0] * (self.dimension - 1) + [-self.force]
         body: dict[str, object] = {"thickness": self.thickness} if self.dimension == 2 else {}
@@ -79,7 +77,6 @@ class Problem:
             },
             "sides": {"bottom": "rigid"},
             "loads": [{"region": {"box": [list(p) for p in self.patch]}, "force": top}],
-            "rule": {"kind": kind},
         }
         if self.picture.all():
             body |= {
@@ -136,7 +133,6 @@ def _drawn(drawing: str) -> Flags:
 
 PLATE = Problem(
     name="plate",
-    title="steel plate, 200 mm square, 2 N over 20 mm of its top",
     picture=np.ones((20, 20), dtype=np.bool_),
     edge=0.01,
     youngs_modulus=206e9,
@@ -147,7 +143,6 @@ PLATE = Problem(
 )
 BLOCK = Problem(
     name="block",
-    title="unit cube, E = 1, 1 N over the middle quarter-edge patch of its top",
     picture=np.ones((8, 8, 8), dtype=np.bool_),
     edge=0.125,
     youngs_modulus=1.0,
@@ -158,7 +153,6 @@ BLOCK = Problem(
 )
 PIXELS = Problem(
     name="pixels",
-    title="steel body of 20 × 20 pixels with a hole and a gate, 2 N over four pixels of its top",
     picture=_drawn(_PIXELS),
     edge=0.01,
     youngs_modulus=206e9,

@@ -6,12 +6,12 @@ Read `springs` (what is loaded), `assembler` (forces and stiffness of all spring
 """
 
 from .hexagon_body import hexagon_body
-from .increments import NetworkModel, load_in_increments, solve
+from .increments import NetworkModel, solve
 from .network_result import NetworkResult
 from .spring_lattices import cut, jittered, pulled, triangular
 from .springs import SpringNetwork, spring_lengths_and_directions
 
 __all__ = [
     "NetworkModel", "NetworkResult", "SpringNetwork", "cut", "hexagon_body", "jittered",
-    "load_in_increments", "pulled", "solve", "spring_lengths_and_directions", "triangular",
+    "pulled", "solve", "spring_lengths_and_directions", "triangular",
 ]  # fmt: skip

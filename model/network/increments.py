@@ -55,7 +55,8 @@ class NetworkModel(Stepper[NetworkResult]):
     increments : int
         Number of increments in every stage.
     scheme : {"newton", "euler"}
-        With corrections to balance, or the plain linearised step.
+        With corrections to balance, or the plain linearised step. Of the latter only the states
+        that a step starts from are checked for stability, not the last one.
     tolerance : float
         Largest unbalanced force of the Newton scheme, as a share of the largest force.
 
@@ -274,14 +275,6 @@ class NetworkModel(Stepper[NetworkResult]):
             self.records.append(last)
         error.result = self.result()
         return error
-
-
-def load_in_increments(network: SpringNetwork, increments: int = 20) -> NetworkResult:
-    """Load a network by forward Euler: one linear system, and an error in proportion, an increment.
-
-    Only the states that a step starts from are checked for stability, not the last one.
-    """
-    return NetworkModel(network, increments, "euler").run(progress=False)
 
 
 def solve(

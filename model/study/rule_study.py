@@ -79,16 +79,6 @@ class RuleStudy:
         start, end = map(tuple, points.tolist())
         return StraightWay(start, end, depth)
 
-    @property
-    def pressure(self) -> float:
-        """Size of the applied force over the area of the cells it presses on (Pa)."""
-        applied, lattice = self.scene.applied(), self.scene.lattice
-        force = float(np.abs(applied.force[:, self.axis]).sum())
-        cells = np.unique(applied.cells, axis=0)
-        flat = np.delete(cells, self.axis, axis=1)
-        area = len(np.unique(flat, axis=0)) * lattice.face_area(self.scene.thickness)
-        return force / area
-
     @cached_property
     def _middle(self) -> tuple[Floats, Floats]:
         """The middle of the load (m), and the centre of the cell that it lies in."""

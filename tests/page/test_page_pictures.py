@@ -8,7 +8,7 @@ from plates import plate as pressed
 
 import kaju
 from kaju import ElasticModel, History, SpawningModel, ThreeElement, creep, solve
-from kaju.model.network import jittered, load_in_increments, pulled, triangular
+from kaju.model.network import NetworkModel, jittered, pulled, triangular
 from kaju.view.fracture_plots import bearing
 from kaju.view.page.data import motion_data
 
@@ -35,7 +35,7 @@ def spawned():
 
 @cache
 def network():
-    return load_in_increments(triangular(5, force=0.2), 10)
+    return NetworkModel(triangular(5, force=0.2), 10, "euler").run()
 
 
 @cache

@@ -11,7 +11,7 @@ from strategies import EXAMPLES
 from kaju import Cubes, ThreeElement
 from kaju.errors import SceneError
 
-WHOLE = ("absorbing_wall", "breaking", "memory", "random_shares", "tired")
+WHOLE = ("breaking", "memory")
 HOOKS = sorted(path.stem for path in (EXAMPLES / "own_agents").glob("*.py"))
 
 

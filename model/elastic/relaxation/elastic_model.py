@@ -294,7 +294,6 @@ class ElasticModel(SteppedModel):
         """Return what has been computed so far."""
         state, agents = self.state, FaceAgents.of(self.state)
         outcome = self.outcome or f"interrupted after {self.generation} steps"
-        work = max(-2.0 * state.energy, 0.0)
         return ElasticRun(
             result=self._answer(outcome),
             outcome=outcome,
@@ -303,7 +302,6 @@ class ElasticModel(SteppedModel):
             boundary=BoundaryAgents.of(state),
             history=tuple(self.history),
             ledger=PushLedger.of(state),
-            most_pushes=work * self.table.reference / self.threshold**2,
             certificate=self.certificate,
             moments=self.recorder.moments(self.visit.level, agents),
             seconds=self.seconds,

@@ -43,7 +43,6 @@ class ElasticRun(BodyResult):
     boundary: BoundaryAgents  # Supports and air that loads have reached
     history: tuple[StepRecord, ...]  # How things stood after every step
     ledger: PushLedger  # The account of every newton
-    most_pushes: float  # What the order "largest first" cannot exceed: load·displacement·k₀/γ²
     certificate: WaveCertificate | None  # Of waves, before the run
     moments: Moments  # What was left on agents, and what they had taken, on the way
     seconds: float  # Time that the run took (s)

@@ -201,7 +201,7 @@ def sweep(
         typer.echo(f"... and {len(table) - 20} more")
     if len(failed):
         typer.echo(f"run {failed['run'].iloc[0]} failed: {failed['error'].iloc[0]}")
-    typer.echo(target / "table.parquet")
+    typer.echo(target / "table.csv")
     for picture in _draw(table, target, measure) if pictures else ():
         typer.echo(picture)
     if len(failed) == len(table):

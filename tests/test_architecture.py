@@ -15,7 +15,7 @@ if not (ROOT / "model").is_dir():
 # Imported in functions: optional packages, and what takes long to load and is seldom needed.
 SELDOM = (
     "pandas scipy petsc4py mpi4py skfem numba rich svgpathtools trimesh meshlane joblib tifffile "
-    "tomli_w tomllib pyarrow networkx imageio_ffmpeg pydantic kaju"
+    "tomli_w tomllib networkx imageio_ffmpeg pydantic kaju"
 )
 MODULES = dict(draw_rooms.files())
 

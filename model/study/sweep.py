@@ -104,7 +104,7 @@ def sweep(
         inside ``with joblib.parallel_config(backend="dask")`` a cluster of Dask computes.
     out : path, optional
         A folder: rows are kept there as they are finished (SQLite), and in the end as
-        ``table.parquet``. The same call again computes only what is missing.
+        ``table.csv``. The same call again computes only what is missing.
     seed : int
         From which all random numbers are made.
     progress : bool, optional
@@ -154,10 +154,8 @@ def sweep(
         told = table["error"].iloc[0].removeprefix("ParameterError: ")
         raise ParameterError(f"every run failed, the first with {told}")
     if folder is not None and len(missing):
-        with atomic_file(folder / "table.parquet", ResultFileError) as scratch:
-            bare = table.copy(deep=False)
-            bare.attrs = {}
-            bare.to_parquet(scratch, index=False)
+        with atomic_file(folder / "table.csv", ResultFileError) as scratch:
+            table.to_csv(scratch, index=False)
     return table
 
 
@@ -306,9 +304,6 @@ class SweepStore:
             rows = [json.loads(text) for (text,) in texts]
             table = pandas.DataFrame.from_records(rows, columns=None if rows else ["run", "error"])
             table = table[[*(name for name in table if name != "error"), "error"]]
-        for name in table:
-            if table[name].dtype == object and len({type(v) for v in table[name].dropna()}) > 1:
-                table[name] = table[name].map(lambda v: v if v != v else str(v))
         table.attrs["sweep"] = self.about()
         return table
 
@@ -331,11 +326,6 @@ class SweepStore:
 def _store_of(out: Path | None, about: dict[str, Any]) -> SweepStore:
     """Return a store for a sweep alone: in memory, or in a folder that is new or its own."""
     if out is not None:
-        with needing(
-            "a sweep's folder needs pyarrow: pip install 'kaju[sweep]'; "
-            "without out= the table is returned all the same"
-        ):
-            import pyarrow  # noqa: F401
         try:
             out.mkdir(parents=True, exist_ok=True)
             strangers = [path.name for path in out.iterdir()]

@@ -14,8 +14,6 @@ import kaju
 from kaju.model.network import solve as solve_network
 from kaju.model.network import triangular
 
-pytest.importorskip("pyarrow")
-
 PLATE = Path(__file__).parents[2] / "examples" / "plate.toml"
 
 

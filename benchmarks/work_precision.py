@@ -1,4 +1,4 @@
-"""Time and memory against error, for kaju and for finite elements.
+"""Time and memory against error, for kaju and for finite elements: measured, drawn and quoted.
 
 The peers need scikit-fem (the mesh of quadratic elements), pyamg and pypardiso; what is
 not installed is named in its rows.
@@ -7,20 +7,206 @@ not installed is named in its rows.
 from __future__ import annotations
 
 import argparse
-import json
+import os
+import platform
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
+from shutil import copyfile
+from textwrap import fill
 
+import numpy as np
+import pandas as pd
 from peers.measure import Measurement, in_a_fresh_process, jobs
-from peers.report import draw, environment, measured_on, publish, ratios, read_csv, write_csv
+from peers.methods import METHODS
+from peers.problems import PROBLEMS
 
 from kaju.errors import ResultFileError
 from kaju.files import check_writable
+from kaju.view.picture_files import save
+from kaju.view.style import FAINT, INK, new_figure
+
+PACKAGES = ("kaju", "numpy", "scipy", "numba", "mesa", "scikit-fem", "pyamg", "pypardiso")
+
+TARGETS = (1e-2, 1e-3, 2e-4)  # Largest errors at which times are compared
 
 
-def run(folder: Path, quick: bool, resume: bool) -> None:
-    """Measure all jobs and write table, picture and environment into a folder, row by row.
+def environment() -> dict[str, str]:
+    """Return the machine and the versions that figures depend on."""
+    found = {
+        "processor": _processor(),
+        "cores": str(os.cpu_count()),
+        "system": platform.platform(),
+        "load when it ended": f"{os.getloadavg()[0]:.1f}",
+        "python": platform.python_version(),
+    }
+    for package in PACKAGES:
+        try:
+            found[package] = version(package)
+        except PackageNotFoundError:
+            found[package] = "not installed"
+    return found
 
-    `quick`: small sizes only; `resume`: keep the rows that the folder has, and measure the others.
+
+def _processor() -> str:
+    try:
+        with Path("/proc/cpuinfo").open(encoding="utf-8") as lines:
+            names = [line.partition(":")[2].strip() for line in lines if "model name" in line]
+    except OSError:
+        names = []
+    return names[0] if names else platform.processor() or "unknown"
+
+
+def write_csv(path: Path, found: Sequence[Measurement]) -> None:
+    """Write all measurements as comma-separated values."""
+    pd.DataFrame(map(asdict, found)).to_csv(path, index=False)
+
+
+def read_csv(path: Path) -> list[Measurement]:
+    """Read what `write_csv` wrote."""
+    absent = dict.fromkeys(("seconds", "memory", "max_error", "l2_error"), "")
+    table = pd.read_csv(path, keep_default_na=False, na_values=absent).astype(object)
+    rows = table.where(table.notna(), None).to_dict("records")
+    return [Measurement(**{str(name): value for name, value in row.items()}) for row in rows]
+
+
+PEERS = {
+    "superlu": "bilinear ones with SuperLU",
+    "pardiso": "with PARDISO",
+    "pyamg": "with pyamg",
+    "quadratic": "and adaptive quadratic triangles",
+}
+QUOTED = (
+    ("README.md", r"On a plate like this one.*?(?=\n\n)"),
+    ("docs/work-precision.md", r"\| body \| largest error.*?(?=\n\n)"),
+)
+"""Where the record is quoted, and what stands there."""
+MACHINE = ("docs/work-precision.md", r"Measured on: .*?(?=\n\n)")
+
+
+def publish(folder: Path, found: Sequence[Measurement], conditions: dict[str, str]) -> None:
+    """Make what a folder holds the record, and let the documents quote it."""
+    root = Path(__file__).parents[1]
+    docs = root / "docs"
+    copyfile(folder / "work_precision.csv", docs / "work_precision.csv")
+    copyfile(folder / "work_precision.png", docs / "pictures" / "work_precision.png")
+    said = [*quotations(found, conditions["processor"]), measured_on(conditions)]
+    for (name, pattern), words in zip([*QUOTED, MACHINE], said, strict=True):
+        text = (root / name).read_text(encoding="utf-8")
+        text = re.sub(pattern, lambda _, words=words: words, text, count=1, flags=re.DOTALL)
+        (root / name).write_text(text, encoding="utf-8")
+
+
+def quotations(found: Sequence[Measurement], processor: str) -> tuple[str, str]:
+    """Return what README and docs/work-precision.md say of the measurements."""
+    plate = [measurement for measurement in found if measurement.problem == "plate"]
+    target, mine = 2e-4, _of(plate, "multigrid")
+    ours = cost_at(target, mine)
+    theirs = {words: cost_at(target, _of(plate, name)) for name, words in PEERS.items()}
+    ratios_of_peers = [f"{w} {t / ours:.2g} times" for w, t in theirs.items() if ours and t]
+    readme = (
+        "On a plate like this one, for an error of 2e-4 of the largest displacement, `solve` took "
+        f"{1e3 * (ours or 0.0):.0f} ms on one thread ({processor}). Finite elements took longer: "
+        f"{', '.join(ratios_of_peers)} as long ([how it was measured](docs/work-precision.md))."
+    )
+    return fill(readme, 100, break_on_hyphens=False), ratios(found)
+
+
+def measured_on(conditions: dict[str, str]) -> str:
+    """Name the machine and the versions."""
+    pairs = "; ".join(f"{name} {value}" for name, value in conditions.items())
+    return fill(f"Measured on: {pairs}.", 100, break_on_hyphens=False)
+
+
+def ratios(found: Sequence[Measurement]) -> str:
+    """Return the table of how much longer others take than `kaju.solve` for the same error."""
+    others = [name for name in METHODS if name != "multigrid"]
+    rows = []
+    for problem in PROBLEMS:
+        mine = [measurement for measurement in found if measurement.problem == problem]
+        for target in TARGETS:
+            if ours := cost_at(target, _of(mine, "multigrid")):
+                theirs = {name: cost_at(target, _of(mine, name)) for name in others}
+                rows.append((f"| {problem} | {target:g} | {ours:.3g} |", ours, theirs))
+    reached = [name for name in others if any(theirs[name] for _, _, theirs in rows)]
+    titles = " | ".join(METHODS[name].title for name in reached)
+    lines = [
+        f"| body | largest error | kaju.solve (s) | {titles} |",
+        "|---" * (3 + len(reached)) + "|",
+    ]
+    for row, ours, theirs in rows:
+        times = [f"{spent / ours:.3g} ×" if (spent := theirs[name]) else "" for name in reached]
+        lines.append(f"{row} {' | '.join(times)} |")
+    return "\n".join(lines)
+
+
+def _of(found: Iterable[Measurement], method: str) -> list[Measurement]:
+    return [m for m in found if m.method == method and m.seconds is not None]
+
+
+def cost_at(target: float, found: Sequence[Measurement]) -> float | None:
+    """Return the cost at an error, between measurements on log axes; None beyond them."""
+    pairs = sorted((float(m.max_error or 0.0), float(m.seconds or 0.0)) for m in found)
+    error, spent = np.array([p for p in pairs if min(p) > 0.0]).reshape(-1, 2).T
+    if not len(error) or not error[0] <= target <= error[-1]:
+        return None
+    return float(np.exp(np.interp(np.log(target), np.log(error), np.log(spent))))
+
+
+COSTS = {"seconds": "time (s)", "memory": "memory (MB)"}
+
+
+def draw(found: Sequence[Measurement], path: Path) -> Path:
+    """Draw time and memory against the largest error, one column for each problem."""
+    names = [name for name in PROBLEMS if any(m.problem == name for m in found)]
+    figure = new_figure((3.5 * len(names) + 0.6, 6.6))
+    grid = figure.subplots(len(COSTS), len(names), squeeze=False, sharex="col", sharey="row")
+    handles = {}
+    for column, name in enumerate(names):
+        for row, (cost, label) in enumerate(COSTS.items()):
+            ax = grid[row][column]
+            for method in METHODS:
+                points = [
+                    (m.max_error, getattr(m, cost))
+                    for m in found
+                    if (m.problem, m.method) == (name, method) and getattr(m, cost)
+                ]
+                if points:
+                    colour, marker, line = METHODS[method].style
+                    (handles[method],) = ax.loglog(
+                        *zip(*points, strict=True),
+                        color=colour,
+                        marker=marker,
+                        linestyle=line,
+                        linewidth=1.2,
+                        markersize=5,
+                        fillstyle="none" if line == "--" else "full",
+                    )
+            ax.grid(True, which="major", color="#e4e4e4", linewidth=0.6)
+            ax.tick_params(labelsize=8, color=FAINT)
+            if column == 0:
+                ax.set_ylabel(label, fontsize=9)
+        grid[0][column].set_title(name, loc="left", fontsize=11, fontweight="bold", color=INK)
+        grid[-1][column].set_xlabel("largest error: smaller to the right", fontsize=9)
+        grid[-1][column].invert_xaxis()
+    figure.legend(
+        list(handles.values()),
+        [METHODS[method].title for method in handles],
+        loc="outside lower center",
+        ncols=min(4, len(handles)),
+        fontsize=8,
+        frameon=False,
+    )
+    return save(figure, path)
+
+
+def run(folder: Path, quick: bool, resume: bool, record: bool) -> None:
+    """Measure all jobs and write table, picture and figures into a folder, row by row.
+
+    `quick`: small sizes only; `resume`: keep the rows that the folder has, and measure the others;
+    `record`: let the documents quote them.
     """
     check_writable(folder, ResultFileError)
     folder.mkdir(parents=True, exist_ok=True)
@@ -35,8 +221,9 @@ def run(folder: Path, quick: bool, resume: bool) -> None:
     conditions = environment()
     words = f"{ratios(found)}\n\n{measured_on(conditions)}\n"
     (folder / "work_precision.md").write_text(words, encoding="utf-8")
-    (folder / "environment.json").write_text(json.dumps(conditions, indent=2) + "\n", "utf-8")
     draw(found, folder / "work_precision.png")
+    if record:
+        publish(folder, found, conditions)
 
 
 def _line(m: Measurement) -> str:
@@ -58,6 +245,4 @@ if __name__ == "__main__":
         "--publish", action="store_true", help="make it the record in docs, which README quotes"
     )
     told = parser.parse_args()
-    run(told.folder, told.quick, told.resume)
-    if told.publish:
-        publish(told.folder, Path(__file__).parents[1])
+    run(told.folder, told.quick, told.resume, told.publish)

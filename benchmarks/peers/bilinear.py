@@ -1,16 +1,25 @@
-"""The peer on equal cells: bilinear (trilinear) elements with one local matrix for all of them."""
+"""The peer on equal cells: bilinear (trilinear) elements with one local matrix for all of them.
+
+Equations are solved by PARDISO, SuperLU, or pyamg on blocks.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from itertools import product
+from typing import Any, Literal
 
 import numpy as np
+from scipy.sparse import coo_array, triu
 
-from kaju.arrays import Floats
+from kaju.arrays import Floats, Ints
+from kaju.factors import factors_of, rigid_motions
 
 from .problems import Problem
-from .sparse import Solver, assembled, solved
+
+Solver = Literal["pardiso", "superlu", "pyamg"]
+RESIDUAL = 1e-6
+"""Relative residual at which the iteration ends: well below the error of these meshes."""
 
 
 def solve(problem: Problem, division: int, solver: Solver) -> Callable[[], Floats]:
@@ -67,3 +76,45 @@ def local_stiffness(dimension: int, lateral: float, shear: float) -> Floats:
         along = shear * np.einsum("ij,ab->iajb", slopes @ slopes.T, unit)
         total = total + 0.5**dimension * (volume + crossed + along)
     return np.asarray(total).reshape(corners.size, corners.size)
+
+
+def assembled(local: Floats, number: Ints) -> Any:
+    """Return the matrix of elements: their own, (elements, nodes × d, nodes × d) or one for all.
+
+    `number`: that of their nodes among those that move, -1 of those that do not.
+    """
+    elements, nodes = number.shape
+    d, size = local.shape[-1] // nodes, number.max() + 1
+    unknown = d * number[:, :, None] + np.arange(d)
+    unknown[number < 0] = -1
+    unknown = unknown.reshape(elements, -1).astype(np.int32)
+    full = (elements, *local.shape[-2:])
+    row = np.broadcast_to(unknown[:, :, None], full)
+    column = np.broadcast_to(unknown[:, None, :], full)
+    free = (row >= 0) & (column >= 0)
+    entries = np.broadcast_to(local, full)[free], (row[free], column[free])
+    return coo_array(entries, shape=(d * size,) * 2).tocsr()
+
+
+def solved(matrix: Any, right: Floats, places: Floats, solver: Solver) -> Floats:
+    """Solve a positive definite system; the nodes' places (m) tell pyamg rigid motions."""
+    if solver == "pardiso":
+        import pypardiso
+
+        factors = pypardiso.PyPardisoSolver(mtype=2)  # Cholesky's: the upper half is enough
+        found: Floats = factors.solve(triu(matrix, format="csr"), right)
+        factors.free_memory(everything=True)
+        return found
+    if solver == "superlu":
+        return factors_of(matrix).solve(right)
+    import pyamg
+
+    d = places.shape[1]
+    centred = np.repeat(places - places.mean(axis=0), d, axis=0)
+    hierarchy = pyamg.smoothed_aggregation_solver(
+        matrix.tobsr((d, d)),
+        B=rigid_motions(centred, np.arange(matrix.shape[0]) % d),
+        strength=("symmetric", {"theta": 0.0}),
+        max_coarse=300,
+    )
+    return hierarchy.solve(right, tol=RESIDUAL, accel="cg", maxiter=500)

@@ -17,8 +17,8 @@ import kaju
 from kaju.arrays import Floats
 
 from . import bilinear, quadratic
+from .bilinear import Solver
 from .problems import Problem
-from .sparse import Solver
 
 Answer = Callable[[], Floats]  # Looks up the displacements at the problem's points
 Prepare = Callable[[Problem, int], Callable[[], Answer]]

@@ -22,8 +22,8 @@ import numpy as np
 
 from kaju.arrays import Flags, Floats, Ints
 
+from .bilinear import Solver, assembled, solved
 from .problems import Problem
-from .sparse import Solver, assembled, solved
 
 MARKED = 0.6  # The triangles with the largest η² that hold this share of the sum are refined
 MOST = 400_000  # Triangles at which it ends

@@ -12,14 +12,14 @@ of the body on coarser levels: their operators are PᵀAP.
 
 from __future__ import annotations
 
-from itertools import pairwise, product
+from itertools import pairwise
 from math import sqrt
 from time import perf_counter
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_array
+from scipy.sparse import csr_array, diags_array, vstack
 
 from kaju import __version__
 from kaju.arrays import Floats
@@ -28,6 +28,7 @@ from kaju.model.elastic.arguments import SMALLEST, check_numbers
 from kaju.model.elastic.elastic_result import ElasticResult
 from kaju.model.elastic.equal import fields
 from kaju.model.elastic.equal.cell_agents import CellAgents
+from kaju.model.elastic.equal.direct import interpolation_along, outer
 from kaju.model.elastic.equal.fields import reactions
 from kaju.model.elastic.equal.grid import Grid, grid_of
 from kaju.model.elastic.equal.problem import FaceFields
@@ -300,33 +301,23 @@ def _matrix(rows: csr_array, place: Index, like: Any, columns: Any) -> Any:
 def interpolation(fine: PetscLevel, coarse: PetscLevel, moves: Any = None) -> Any:
     """Return the matrix from the coarse faces to those fine ones that move."""
     like, columns = fine.dm.createGlobalVec(), coarse.dm.createGlobalVec()
-    d, rows, column, weight = len(fine.shape), [], [], []
-    for axis in range(d):
+    numbers, blocks = [], []
+    for axis in range(len(fine.shape)):
         faces = fine.owned(axis)
-        rows.append(fine.numbers(axis, faces) - like.getOwnershipRange()[0])
-        terms = [_parents(faces[:, a], a == axis) for a in range(d)]
-        choices = list(product((0, 1), repeat=d))
-        parents = [np.stack([terms[a][c[a]][0] for a in range(d)], axis=1) for c in choices]
-        weights = [np.prod([terms[a][c[a]][1] for a in range(d)], axis=0) for c in choices]
-        column.append(np.stack([coarse.numbers(axis, of) for of in parents], axis=1))
-        weight.append(np.stack(weights, axis=1))
-    place, value = np.concatenate(rows), np.concatenate(weight)
+        numbers.append(fine.numbers(axis, faces) - like.getOwnershipRange()[0])
+        lines = []
+        for a, (first, last) in enumerate(zip(faces.min(axis=0), faces.max(axis=0), strict=True)):
+            line = interpolation_along(fine.shape[a] + 2 + (a == axis), a == axis)
+            lines.append(line[first + 1 : last + 2])  # places along a line begin with a ghost
+        weights = outer(lines).tocoo()
+        parents = np.unravel_index(weights.col, [line.shape[1] for line in lines])
+        column = coarse.numbers(axis, np.stack(parents, axis=1) - 1)
+        shape = len(faces), coarse.size
+        blocks.append(csr_array((weights.data, (weights.row, column)), shape=shape))
+    place, matrix = np.concatenate(numbers), csr_array(vstack(blocks, format="csr"))
     if moves is not None:
-        value *= moves.getArray(readonly=True)[place][:, None]
-    # Where both parents along the normal are the same one, their weights are added.
-    entries = np.repeat(np.arange(len(place)), 2**d), np.concatenate(column).ravel()
-    matrix = csr_array((value.ravel(), entries), shape=(len(place), coarse.size))
+        matrix = csr_array(diags_array(moves.getArray(readonly=True)[place]) @ matrix)
     return _matrix(matrix, place, like, columns)
-
-
-def _parents(face: Index, along: bool) -> list[tuple[Index, Floats]]:
-    """Return two coarse faces beside fine ones, and their weights, along the normal or across."""
-    parent, even = face // 2, face % 2 == 0
-    if along:
-        first = np.where(even, 1.0, 0.5)
-        return [(parent, first), (np.where(even, parent, parent + 1), 1.0 - first)]
-    beside = np.where(even, parent - 1, parent + 1)
-    return [(parent, np.full(len(face), 0.75)), (beside, np.full(len(face), 0.25))]
 
 
 class PetscHierarchy:

@@ -11,7 +11,7 @@ from peers import bilinear, quadratic
 from peers.measure import Measurement, jobs, measure
 from peers.methods import METHODS
 from peers.problems import BLOCK, PIXELS, PLATE, PROBLEMS
-from peers.report import QUOTED, environment, measured_on, quotations, read_csv, write_csv
+from work_precision import QUOTED, environment, measured_on, quotations, read_csv, write_csv
 
 
 def test_pictures_have_no_cells_that_touch_at_corners_only():

@@ -61,16 +61,20 @@ def prolongation(numbering: Numbering, ghost_weights: Floats | None = None) -> s
     for axis, state in enumerate(numbering.states):
         lines = []
         for a, count in enumerate(state.shape):
-            line = _interpolation(count, a == axis)
+            line = interpolation_along(count, a == axis)
             if ghost_weights is not None and a != axis:
                 line = line @ _ghosts_from_inside(line.shape[1], ghost_weights[2 * a : 2 * a + 2])
             lines.append(line)
-        whole = reduce(lambda one, other: sp.csr_array(sp.kron(one, other)), lines)
-        blocks.append(whole[np.flatnonzero(state == ACTIVE)])
+        blocks.append(outer(lines)[np.flatnonzero(state == ACTIVE)])
     return sp.csr_array(sp.block_diag(blocks, format="csr"))
 
 
-def _interpolation(count: int, normal: bool) -> sp.csr_array:
+def outer(lines: list[sp.csr_array]) -> sp.csr_array:
+    """Return how places of a grid follow coarse ones, by how they do along each axis."""
+    return reduce(lambda one, other: sp.csr_array(sp.kron(one, other)), lines)
+
+
+def interpolation_along(count: int, normal: bool) -> sp.csr_array:
     """Return how places along a line, the first of them ghosts, follow coarse ones."""
     # Linear along the normal, and across it from the two nearest, ¾ to ¼.
     place, coarse = np.arange(count), (np.arange(count) + 1) // 2

@@ -12,7 +12,7 @@ from scipy.spatial import cKDTree
 
 from kaju.arrays import Flags, Floats, Ints
 from kaju.model.elastic.pair.leaves import LeafCells
-from kaju.model.scene.curves import Point, cross, crossings, flattened, parted_at
+from kaju.model.scene.curves import Point, cross, crossings, flattened, parted_at, real_roots
 from kaju.model.scene.lattice import area_of
 
 from .arc_triangles import (
@@ -136,8 +136,8 @@ class ClosedLine:
             # How far the arc is off a line along the direction is off / weight.
             off, weight = powers @ cross(arc[:, :2], along), powers @ arc[:, 2]
             rise, less = np.polymul(np.polyder(off), weight), np.polymul(off, np.polyder(weight))
-            level = np.roots(np.polysub(rise, less))
-            parts += parted_at(arc, level[level.imag == 0.0].real) if turn else [arc]
+            level = real_roots(np.polysub(rise, less))
+            parts += parted_at(arc, level) if turn else [arc]
         return np.array(parts)
 
     def touches(self, shape: tuple[int, int], axis: int, upper: int) -> bool:

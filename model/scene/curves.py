@@ -73,8 +73,15 @@ def inflections(arc: Floats) -> Floats:
     p = arc[:, :2]
     a, b, c = p[1] - p[0], p[2] - 2 * p[1] + p[0], p[3] - 3 * p[2] + 3 * p[1] - p[0]
     # first and second derivative are parallel there
-    roots = np.roots([cross(b, c), cross(a, c), cross(a, b)])
-    return np.asarray(roots[np.isreal(roots)].real)
+    return real_roots(np.array([cross(b, c), cross(a, c), cross(a, b)]))
+
+
+def real_roots(factors: Floats, imaginary: float = 0.0) -> Floats:
+    """Return where a polynomial vanishes, its factors given from that of the highest power on."""
+    # A factor that rounding hides beside others puts a root out of reach; NumPy would divide by it.
+    small = np.abs(factors) < 1e-18 * np.abs(factors).max(initial=0.0)
+    roots = np.roots(np.where(small, 0.0, factors))
+    return np.asarray(roots[np.abs(roots.imag) <= imaginary].real)
 
 
 def flattened(arcs: Floats, count: int) -> Floats:
@@ -95,5 +102,5 @@ def cross(a: Floats, b: Floats) -> Floats:
 def crossings(arc: Floats, axis: int, value: float) -> Floats:
     """Return parameters where an arc meets a line across an axis."""
     a, b, c, d = arc[:, axis] - value * arc[:, 2]
-    roots = np.roots([d - 3 * c + 3 * b - a, 3 * (c - 2 * b + a), 3 * (b - a), a])
-    return np.asarray(roots[np.abs(roots.imag) < 1e-7].real)
+    factors = np.array([d - 3 * c + 3 * b - a, 3 * (c - 2 * b + a), 3 * (b - a), a])
+    return real_roots(factors, imaginary=1e-7)

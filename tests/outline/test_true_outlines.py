@@ -300,6 +300,13 @@ def test_an_outline_whose_curve_touches_one_of_its_sides_is_refused() -> None:
         kaju.solve(plate().with_region("air", path=wave, outline="true"), tolerance=0.2)
 
 
+def test_an_outline_may_lie_off_a_side_by_hardly_any_number() -> None:
+    paths = (f"M 0 {y} H .05 Q .05 .04 .025 .04 Z" for y in ("-2e-314", "0"))
+    bodies = [plate().with_region("air", path=path, outline="true") for path in paths]
+    near, on = (kaju.solve(body, tolerance=0.1).energy_bounds for body in bodies)
+    assert max(near[0], on[0]) <= min(near[1], on[1])
+
+
 def test_a_pressed_outline_stands_alone() -> None:
     scene = plate(loads=[{"outline": "hole", "pressure": 1.0}])
     crossing = scene.with_region(disk={"centre": [0.025, 0.025], "radius": 0.01}, outline="true")

@@ -16,7 +16,7 @@ from matplotlib.colors import Normalize
 from kaju.arrays import Floats, Ints
 from kaju.errors import ParameterError
 from kaju.model.results.mesh import same_points
-from kaju.model.results.result import BodyResult
+from kaju.model.results.result import BodyResult, Tiles
 from kaju.model.transfer.transfer_result import TransferResult
 
 from .body_plots import BodyPicture
@@ -105,7 +105,7 @@ def moving_cells(result: BodyResult, section: Section, moved_at: MovedAt | None 
 
 def moving_agents(result: ElasticResult, layer: Section, value: Floats) -> Moving:
     """Return agents of many sizes; squares that stand for several move as one of these does."""
-    squares = squares_of(layer, result.tiles(value))
+    squares = squares_of(layer, Tiles(result.lower, result.size, value))
     size = np.linalg.norm(result.displacement, axis=1)[squares.row]
     moved = np.repeat(layer.in_plane(result.displacement[squares.row])[:, None], 4, axis=1)
     own = np.flatnonzero(squares.size < 1.5 * result.size[squares.row])

@@ -12,6 +12,7 @@ from matplotlib.collections import PolyCollection
 from matplotlib.colors import Normalize
 
 from kaju.arrays import Floats, Ints, first_largest
+from kaju.model.results.result import Tiles
 from kaju.model.transfer.transfer_result import TransferResult
 
 from .body_plots import BodyPicture, draw_cells
@@ -94,7 +95,7 @@ def plot_map(
         elastic = settled(result)
         shown, layer = quantity_of(elastic, what, component), layer_of(elastic, cut, crop)
         picture = BodyPicture(layer, ax, elastic.stage, filled=False)
-        squares = squares_of(layer, elastic.tiles(shown.values))
+        squares = squares_of(layer, Tiles(elastic.lower, elastic.size, shown.values))
         top, beyond = usual_top(squares.value, squares.size)
         look = colours_of(shown, squares.value, top)
         drawn = draw_squares(picture.ax, layer, squares, "map", **look)

@@ -97,7 +97,8 @@ def agents_of(result: ElasticResult, colour: str, generation: int | None = None)
         raise ParameterError("colour: in space agents have one stress only: 'fitted'")
     if generation is None or generation == last:
         own = result.generations[-1] if colour in OPINIONS else result
-        return result.tiles(np.asarray(getattr(own, colour), dtype=np.float64))
+        value = np.asarray(getattr(own, colour), dtype=np.float64)
+        return Tiles(result.lower, result.size, value)
     check_number("generation", generation, last)
     family = result.family
     rows = family.standing(generation)

@@ -85,10 +85,8 @@ def near_steps(grid: Scene, points: Floats) -> Flags:
 
 
 def no_limit(result: ElasticResult, agent: int) -> str:
-    """Return why the stress of an agent has no limit under refinement; empty if it has."""
-    if result.scene.outlined and result.scene.lattice.dimension == 3:
-        return "perhaps; corners are not looked at within true outlines"
-    if result.scene.outlined:
+    """Return why stress of an agent has no limit; empty if it has, or it is unknown."""
+    if result.scene.outlined:  # in space nobody looks
         away = result.sharp_corners - result.lower[agent]
         near = ((away >= 0.0) & (away <= result.size[agent])).all(axis=1)
         return "a sharp corner, or the end of a support" if near.any() else ""
@@ -116,10 +114,9 @@ MISSED = {
 
 
 def _of_error(result: ElasticResult) -> Iterator[Caveat]:
-    """Say why a tolerance is missed, what is not proved, and what to do about a large error."""
+    """Say what is missed of a tolerance or not proved; without one, that an error is large."""
     found, error, tolerance = result.found, result.error_estimate, result.tolerance
-    missed = result.tolerance_kept == "missed"
-    if missed and isinstance(found, PairAgents):
+    if isinstance(found, PairAgents) and result.tolerance_kept == "missed":
         why, agent = found.stopped, first_largest(result.gap)
         reason = no_limit(result, agent)
         hint = f"most of it lies at {_point(result.middle[agent])} m"
@@ -129,28 +126,21 @@ def _of_error(result: ElasticResult) -> Iterator[Caveat]:
         proved = not (found.no_bound or any(goal.no_bound for goal in found.goals))
         of = f"{'a proved' if proved else 'an estimated'} error of {result.goal_error:.2g}"
         said = f"{MISSED[why]} {of}, above the tolerance of {tolerance:g}; {hint}"
-        yield Caveat("tolerance missed", said)
+        yield Caveat(f"tolerance missed: error {result.goal_error:.2g}", said)
     if tolerance is not None:  # pictures do not tell
         yield from (Caveat("", said) for goal in result.goals if (said := goal.doubt(tolerance)))
         if result.no_bound and not result.goals:
             yield Caveat("", f"the error is estimated, not proved: {result.no_bound}")
-    # From this estimated error on it is said what to do about it: a choice.
-    if result.goals or result.tolerance_kept == "proved" or not error > 0.1:
-        return
-    if isfinite(error):
-        said = f"the error is about {error:.0%} in the energy norm"
-        name, value = "tolerance", f"{0.5 * min(tolerance or 0.1, error):.2g}"
+    elif not isfinite(error):
+        said = "sides that meet are moved apart: the energy has no limit as cells shrink"
+        yield Caveat("error not known", said)
+    elif error > 0.1:  # a choice
+        name, value = "tolerance", f"{0.5 * min(0.1, error):.2g}"
         if found.storage == "solid":  # no tolerance can be asked of these
             name, value = "resolution", f"{2 * result.subdivision}"
-        if not missed:  # else the notes tell what hinders, which no smaller tolerance mends
-            said += f"; for a smaller one take {name}={value} (kaju solve FILE --{name} {value})"
+        said = f"the error is about {error:.0%} in the energy norm; for a smaller one take "
+        said += f"{name}={value} (kaju solve FILE --{name} {value})"
         yield Caveat(f"error about {error:.0%}", said)
-        return
-    said = "sides that meet are moved apart: the energy has no limit as cells shrink"
-    if result.spawned:
-        said = "the lower bound of the energy is 0, so no relative error can be given: supports "
-        said += "bear the loads where they act, and hardly any energy is stored"
-    yield Caveat("error not known", said)
 
 
 def _of_loads(grid: Scene) -> Iterator[Caveat]:
@@ -167,7 +157,7 @@ def _of_loads(grid: Scene) -> Iterator[Caveat]:
 
 def _of_outlines(result: ElasticResult) -> Iterator[Caveat]:
     """Say what steps of cells change of the body described, and where it has sharp corners."""
-    h, stress, corners = result.grid.lattice.cell_size, result.von_mises, result.sharp_corners
+    h, corners = result.grid.lattice.cell_size, result.sharp_corners
     near = near_steps(result.grid, result.middle)
     if near.any():
         corners = corners[~near_steps(result.grid, corners)]
@@ -177,20 +167,9 @@ def _of_outlines(result: ElasticResult) -> Iterator[Caveat]:
         said = (
             f"round and slanted outlines are steps of {h:.3g} m: proofs hold for this stepped "
             "body, whose energy differs from that of the body described by an estimated "
-            f"{100 * share:.1g} %"
+            f"{100 * share:.1g} %, and whose stress at the steps grows with smaller agents; a "
+            'region with outline = "true" has no steps'
         )
-        away = np.where(near, 0.0, stress)
-        most, next_to = first_largest(stress), first_largest(away)
-        if near[most]:
-            said += (
-                f"; the largest stress, at {_point(result.middle[most])} m, lies at a step: a "
-                "round outline has no such stress, and it grows with smaller agents"
-            )
-        if near[most] and away[next_to]:
-            said += (
-                f". More than a cell away from steps it is {away[next_to]:.3g} Pa, at "
-                f"{_point(result.middle[next_to])} m (von Mises)"
-            )
         yield Caveat(f"outlines are steps of {h:.3g} m", said)
     if many := len(corners):
         at, more = "corners" if many > 1 else "corner", f" and {many - 3} more" * (many > 3)
@@ -202,24 +181,20 @@ def _of_outlines(result: ElasticResult) -> Iterator[Caveat]:
 def _off_place(load: LoadTable, chosen: Selection, grid: Scene) -> str:
     """Say how far a load on some cells is from what is described; nothing if it is not."""
     h, inside = grid.lattice.cell_size, bool(np.all(chosen.direction < 0))
-    shaped = load.region is not None and load.region.box is None
-    edge = f"which moves the edge of its region by up to {0.5 * h:.3g} m"
     if load.point is not None:
-        how = "with its moment" if chosen.offset is not None else "round its middle"
         return (
             f"a force at a point would have infinite energy, so it is spread over the {h:.3g} m "
-            f"of its cell, {how}; smaller cells make it sharper"
+            "of its cell; smaller cells make it sharper"
         )
-    if shaped and inside:
-        return f"takes whole cells, {edge}"
-    if shaped and _ends_on_surface(grid, chosen):
-        return f"takes whole faces, {edge}; a box without thickness ends within them"
-    if inside and chosen.part is not None:
-        return (
-            "its region ends inside cells, and the load acts on the whole of each, which moves "
-            f"its edge by up to {h:.3g} m; take smaller cells or a larger resolution"
-        )
-    return ""
+    if load.region is not None and load.region.box is None:
+        edge = 0.5 * h if inside or _ends_on_surface(grid, chosen) else 0.0
+    else:
+        edge = h if inside and chosen.part is not None else 0.0
+    told = (
+        f"takes whole {'cells' if inside else 'faces'}, which moves the edge of its region by up "
+        f"to {edge:.3g} m; take smaller cells or a larger resolution"
+    )
+    return told if edge else ""
 
 
 def _ends_on_surface(grid: Scene, chosen: Selection) -> bool:

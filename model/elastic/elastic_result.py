@@ -38,7 +38,7 @@ from kaju.model.elastic.pair.loop import PairLoop
 from kaju.model.elastic.posed_body import PosedBody
 from kaju.model.results.cuts import Carrying, Cuts
 from kaju.model.results.mesh import corner_order, write_vtk
-from kaju.model.results.result import BALANCE, BodyResult, Check, Tiles, finite, in_columns
+from kaju.model.results.result import BALANCE, BodyResult, Check, finite, in_columns
 from kaju.model.scene import Scene
 from kaju.model.solid.solid_agents import SolidAgents
 from kaju.stepping import interrupt_requested
@@ -52,7 +52,7 @@ class LargestStress(NamedTuple):
 
     value: float  # Pa
     at: tuple[float, ...]  # The agent's middle (m)
-    no_limit: str  # Why it grows without limit as agents shrink; empty if it has a limit
+    no_limit: str  # Why it grows without limit as agents shrink; empty if nothing is known
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -136,9 +136,8 @@ class ElasticResult(BodyResult):
     @property
     def level(self) -> Ints:
         """How often the largest of the first agents would be halved to give each agent."""
-        if not self.spawned:
-            return np.zeros_like(self.material)
-        return self.family.level[self.family.working]
+        largest = (self.family if self.spawned else self).size.max()
+        return np.asarray(np.rint(np.log2(largest / self.size)), dtype=np.int64)
 
     @property
     def spawn_step(self) -> Ints:
@@ -267,7 +266,7 @@ class ElasticResult(BodyResult):
         # What moved supports strain may leave more rounding than small loads have force.
         lost = max(float(np.abs(missing).max()) - 1e-12 * self.found.scales.force, 0.0)
         off = lost / float(forces) if forces > 0.0 else 0.0
-        said = any("unbalanced" in note or "balance to" in note for note in self.notes)
+        said = any("unbalanced" in note for note in self.notes)
         # Solvers let forces be off by a hundredth of the error that is stated.
         allowed = 1.0 if said else max(BALANCE, 0.01 * self.error_estimate)
         return [Check("supports bear the loads", off, allowed)]
@@ -380,19 +379,18 @@ class ElasticResult(BodyResult):
         ResultError
             If no region with a true outline in the plane has that name.
         """
-        known = self.found.along if isinstance(self.found, CutAgents) else {}
+        known, units = self.found.along, self.found.scales
         if name not in known:
             told = f"outline_stress: there is no outline {name!r}{suggestion(str(name), known)}"
             raise ResultError(f"{told}; there is {', '.join(known) or 'none with a name'}")
-        units, along = self.found.scales, known[name]
-        return units.length * along.place, units.stress * along.moved
+        return units.length * known[name].place, units.stress * known[name].moved
 
-    def _hoop(self, name: str) -> float | None:
-        """Return the largest hoop stress (Pa) along an outline, None where nothing ends."""
-        self.outline_stress(name)  # refuses other names
-        assert isinstance(self.found, CutAgents)
-        stress = self.found.scales.stress * self.found.along[name].counted().moved
-        return float(stress[np.abs(stress).argmax()]) if len(stress) else None
+    @property
+    def _hoop(self) -> dict[str, float]:
+        """The largest hoop stress (Pa) along every named outline at which the body ends."""
+        unit, along = self.found.scales.stress, self.found.along
+        found = {name: unit * one.counted().moved for name, one in along.items()}
+        return {n: float(own[np.abs(own).argmax()]) for n, own in found.items() if len(own)}
 
     @property
     def max_displacement(self) -> float:
@@ -430,12 +428,9 @@ class ElasticResult(BodyResult):
         return self.found.cuts(axis) if isinstance(self.found, CutAgents) else super().cuts(axis)
 
     def _carrying(self, axis: int) -> Carrying:
-        found, stress, thick = self.found, self.stress, self.size
-        if self.scene.lattice.dimension == 2:
-            thick = np.full(self.agents, self.scene.thickness)
-        if isinstance(found, PairAgents) and found.two_minds:
-            # The opinion that balances bears the loads layer by layer.
-            stress = found.scales.stress * found.balanced
+        thick = self.scene.thickness if self.scene.lattice.dimension == 2 else self.size
+        # The opinion that balances bears the loads layer by layer.
+        stress = self.found.scales.stress * self.found.balanced
         return Carrying(self.middle, self.size, self.size**2 * thick, stress)
 
     def value_of(self, quantity: Quantity | Place) -> float | Floats:
@@ -453,12 +448,13 @@ class ElasticResult(BodyResult):
             if goal.quantity == asked:
                 return goal.value
         if isinstance(asked, Stress) and asked.component == HOOP:
-            if (largest := self._hoop(str(asked.at))) is None:
+            self.outline_stress(name := str(asked.at))  # refuses other names
+            if name not in self._hoop:
                 raise ResultError(
-                    f"value_of: along {asked.at!r} the body does not end, and no two materials "
+                    f"value_of: along {name!r} the body does not end, and no two materials "
                     "meet, so nothing is known there; ask for the stress at a point"
                 )
-            return largest
+            return self._hoop[name]
         if not self.scene.outlined:
             refuse_singular(self.scene, asked, "value_of")
         return plain(unit_of(asked, self.found.scales) * goal_of(asked, self.grid).read(self.found))
@@ -479,14 +475,9 @@ class ElasticResult(BodyResult):
         check_numbers(None, resolution)
         return EqualArrays(self, int(resolution or self.subdivision))
 
-    def tiles(self, value: Floats) -> Tiles:
-        """Return the agents with a value each, as they are drawn."""
-        return Tiles(self.lower, self.size, value)
-
     def summary(self) -> dict[str, Any]:
         """Return the key figures as plain numbers and strings."""
-        size, named = self.size, self.found.along if isinstance(self.found, CutAgents) else ()
-        hoop = {name: most for name in named if (most := self._hoop(name)) is not None}
+        size = self.size
         figures: dict[str, Any] = {
             "rule": "elastic",
             "plane": self.scene.plane,
@@ -500,7 +491,7 @@ class ElasticResult(BodyResult):
             "largest_stress_Pa": self.largest_stress.value,
             "largest_stress_at_m": list(self.largest_stress.at),
             "largest_stress_has_no_limit": self.largest_stress.no_limit or None,
-            "largest_hoop_stress_Pa": hoop or None,
+            "largest_hoop_stress_Pa": self._hoop or None,
             "reaction": {name: force.tolist() for name, force in self.reactions.items()},
             "method": self.found.solution.method,
             "iterations": max(len(self.residuals) - 1, 0),
@@ -517,8 +508,8 @@ class ElasticResult(BodyResult):
         elif self.spawned:
             bound = finite(self.error_bound)
             figures |= {"error_bound": bound, "energy_bounds": self.energy_bounds}
-        figures |= self.found.history() | {"notes": list(self.notes), "seconds": self.seconds}
-        return figures | {"kaju_version": __version__}
+        figures |= {"generations": max(len(self.generations), 1), "notes": list(self.notes)}
+        return figures | {"seconds": self.seconds, "kaju_version": __version__}
 
     def to_dataframe(self) -> pandas.DataFrame:
         """Return one row per agent: place, size, material, displacement, strain and stress."""

@@ -67,10 +67,8 @@ def test_the_largest_stress_at_a_step_is_called_an_artefact():
     result = solve(scene, tolerance=0.05)
     assert "step of an outline" in result.largest_stress.no_limit
     note = outline_note(result)
-    beyond = float(note.split("steps it is ")[1].split()[0])
-    assert beyond < result.largest_stress.value
-    # Lamé: 1.67 MPa along the bore beside −1 MPa across it.
-    assert beyond == pytest.approx(np.sqrt(1.67**2 + 1.67 + 1.0) * 1e6, rel=0.2)
+    assert "stress at the steps grows" in note
+    assert 'outline = "true"' in note
 
 
 def test_bodies_along_the_axes_have_no_such_note():

@@ -38,6 +38,7 @@ class CellAgents(OnCells):
     )
     goals: ClassVar[tuple[()]] = ()
     generations: ClassVar[tuple[()]] = ()
+    along: ClassVar[Any] = {}
     scene: Scene  # What was asked
     stage: int | None
     division: int
@@ -75,10 +76,6 @@ class CellAgents(OnCells):
     def grid(self) -> Scene:
         """The scene on the cells that were solved."""
         return self.posed.scene
-
-    def history(self) -> dict[str, Any]:
-        """Return the figures of their generations: one."""
-        return {"generations": 1}
 
     @property
     def _kinds(self) -> NDArray[np.int32]:
@@ -131,6 +128,8 @@ class CellAgents(OnCells):
     def stress(self) -> Floats:
         """Stress tensors of the agents."""
         return fields.cell_tensor(self.problem, self.parts, self.body)
+
+    balanced = stress
 
     @cached_property
     def parts(self) -> Strains:

@@ -33,6 +33,7 @@ class PairAgents(OnCells):
 
     storage: ClassVar[Literal["tree"]] = "tree"
     stiffness: ClassVar[None] = None
+    along: ClassVar[Any] = {}
     ground: PosedBody
     goals: list[Goal]  # What the tolerance is about
     generations: list[Generation]
@@ -129,8 +130,8 @@ class PairAgents(OnCells):
 
     @property
     def balanced(self) -> Floats:
-        """Mean stress tensors of the opinion that balances."""
-        return np.asarray(self.opinions.means[0])
+        """Mean stress tensors of the opinion that balances; in space of the only one."""
+        return np.asarray(self.opinions.means[0 if self.two_minds else 1])
 
     def reactions(self) -> dict[str, Floats]:
         """Return the force of every support on the body."""
@@ -162,7 +163,3 @@ class PairAgents(OnCells):
     def law_at(self, points: Floats, cells: Ints) -> Ints:
         """Return the index of the moduli of the agents in or on which points lie."""
         return self.leaves.kind[self.placed(points, cells)[0]]
-
-    def history(self) -> dict[str, Any]:
-        """Return the figures of their generations."""
-        return {"generations": len(self.generations)}

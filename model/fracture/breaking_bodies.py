@@ -28,7 +28,7 @@ from scipy.linalg import helmert
 from scipy.linalg.lapack import dposv
 from scipy.sparse import csc_array, csr_array, diags_array
 
-from kaju.arrays import Floats, Ints
+from kaju.arrays import Floats, Ints, spread
 from kaju.errors import SceneError, require
 from kaju.model.elastic.equal import fields
 from kaju.model.elastic.equal.grid import grid_of
@@ -36,7 +36,7 @@ from kaju.model.elastic.equal.staggered import around_edges, axis_pairs, edge_mo
 from kaju.model.elastic.moduli import strain_of
 from kaju.model.network import SpringNetwork
 from kaju.model.network.assembler import Assembler, along_springs
-from kaju.model.network.linear import DirectSolver, SingularTangentError
+from kaju.model.network.equilibrium import DirectSolver, SingularTangentError
 from kaju.model.network.springs import spring_lengths_and_directions
 from kaju.model.results.mesh import corner_order
 from kaju.model.scene import Scene
@@ -335,8 +335,7 @@ class BreakingCells(WeakeningBody):
         self._numbering, rows, given, bed, load = rows_of(problem)
         self._kinds = problem.kinds[solid].astype(np.int64)
         self._n = n = len(self._kinds)
-        number = np.full(problem.kinds.shape, -1)
-        number[solid] = np.arange(n)
+        number = spread(np.arange(n), solid, -1)
         edges = {pair: edge_modulus(problem, pair) for pair in axis_pairs(d)}
         # The four cells round every edge that carries shear, -1 beside the body, shape (4, edges);
         # and the sum of their compliances, by which a broken cell softens the edge.

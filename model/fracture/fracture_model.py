@@ -9,8 +9,7 @@ from kaju.arrays import Floats, first_largest
 from kaju.errors import MechanismError, SceneError, brief, by_name, require
 from kaju.model.network import SpringNetwork, hexagon_body
 from kaju.model.network.assembler import Assembler
-from kaju.model.network.equilibrium import tangent_error
-from kaju.model.network.linear import SingularTangentError
+from kaju.model.network.equilibrium import SingularTangentError, tangent_error
 from kaju.model.scene import Scene
 from kaju.model.stepper import Stepper
 

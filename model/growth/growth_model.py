@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kaju.arrays import Flags, Floats
+from kaju.arrays import Flags, Floats, spread
 from kaju.errors import SceneError, brief, by_name, require
 from kaju.model.elastic.arguments import SMALLEST
 from kaju.model.elastic.equal import fields
@@ -273,9 +273,7 @@ class GrowingBody:
 
     def _flipped(self, values: Floats, axis: int) -> Floats:
         """Return the values of the cells' mirror images along an axis."""
-        field = np.zeros(self.body.shape)
-        field[self.body] = values
-        return np.asarray(np.flip(field, axis)[self.body])
+        return np.asarray(np.flip(spread(values, self.body), axis)[self.body])
 
     def _same(self, values: Floats, axis: int) -> bool:
         return bool(np.abs(values - self._flipped(values, axis)).max(initial=0.0) <= _ROUNDING)

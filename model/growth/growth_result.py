@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kaju import __version__
-from kaju.arrays import Flags, Floats, Ints
+from kaju.arrays import Flags, Floats, Ints, spread
 from kaju.errors import ResultError, require
 from kaju.model.elastic.elastic_result import ElasticResult
 from kaju.model.elastic.solve import solve_cells
@@ -89,9 +89,7 @@ class GrowthResult(BodyResult):
 
     def spread(self, values: Floats) -> Floats:
         """Return values of the cells of material in the shape of the scene's cells; 0 elsewhere."""
-        field = np.zeros(self.body.shape)
-        field[self.body] = values
-        return field
+        return spread(values, self.body)
 
     @property
     def density(self) -> Floats:

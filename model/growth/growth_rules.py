@@ -20,7 +20,7 @@ import numpy as np
 from scipy.ndimage import correlate
 from scipy.optimize import brentq
 
-from kaju.arrays import Flags, Floats
+from kaju.arrays import Flags, Floats, spread
 from kaju.errors import require
 from kaju.model.elastic.equal.krylov import dot
 
@@ -52,8 +52,7 @@ class Neighbours:
 
     def sums(self, values: Floats) -> Floats:
         """Return the weighted sums of the cells' values."""
-        whole = np.zeros(self.body.shape)
-        whole[self.body] = values
+        whole = spread(values, self.body)
         return np.asarray(correlate(whole, self._weights, mode="constant")[self.body])
 
     def means(self, values: Floats) -> Floats:

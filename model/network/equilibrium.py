@@ -1,5 +1,8 @@
 """Find the displacement at which springs and loads are in balance (Newton's method).
 
+The linear systems on the way are solved by sparse LU factors without pivoting: their pivots tell
+whether the tangent is positive definite, so whether there is a stable answer.
+
 The springs come in as a *law*: a function from their elongations to their tensions and
 stiffnesses. So the same iteration serves springs that are elastic, and springs whose answer
 over one time step depends on what they went through before.
@@ -8,16 +11,88 @@ over one time step depends on what they went through before.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.sparse import csc_array, csr_array, diags_array
+from scipy.sparse.linalg import spsolve_triangular
 
 from kaju.arrays import Floats
 from kaju.errors import BucklingError, ConvergenceError, MechanismError, TangentError
+from kaju.factors import factors_of
 
 from .assembler import Assembler, Geometry, along_springs
-from .linear import DirectSolver, SingularTangentError
 from .springs import SpringNetwork
+
+
+class SingularTangentError(ArithmeticError):
+    """The tangent has a direction without resistance; `TangentError` then names its nodes."""
+
+    def __init__(self, direction: Floats) -> None:
+        super().__init__("the tangent is not positive definite")
+        self.direction = direction
+
+
+_ROUNDING = 1e-13
+"""Pivots below this share of the diagonal are zero but for rounding."""
+
+
+class DirectSolver:
+    """Sparse LU on the diagonal's own pivots, in the order of the (assembler's) rows or another.
+
+    For a symmetric matrix U = D Lᵀ, so by Sylvester's law of inertia the signs of the pivots
+    D are those of the eigenvalues.
+    """
+
+    def __init__(self, order: str = "NATURAL") -> None:
+        self._factors: Any = None
+        self._order = order
+
+    def factorise(self, tangent: csc_array) -> None:
+        """Compute the factors; raise `SingularTangentError` unless all pivots are positive."""
+        self._factors = None  # give their memory back before the new ones need it
+        try:
+            self._factors = factors_of(tangent, order=self._order)
+        except RuntimeError as singular:  # a column of zeros was left
+            raise SingularTangentError(_weak_direction(tangent)) from singular
+        diagonal = np.abs(tangent.diagonal())[self._factors.perm_c.argsort()]
+        pivoted = not np.array_equal(self._factors.perm_r, self._factors.perm_c)
+        if pivoted or (self._factors.U.diagonal() <= _ROUNDING * diagonal).any():
+            raise SingularTangentError(_weak_direction(tangent))
+
+    def solve(self, load: Floats) -> Floats:
+        """Return the displacement of the free coordinates under a load on them."""
+        return np.asarray(self._factors.solve(load))
+
+
+def _weak_direction(tangent: csc_array) -> Floats:
+    """Return a direction z with zᵀ A z ≤ 0 but for rounding, of unit length.
+
+    With A = L D Lᵀ and the first bad pivot d at row k, Lᵀ z = eₖ gives zᵀ A z = d. The tiny
+    shift lets the elimination pass an exact zero; rows before k do not feel it.
+    """
+    diagonal = np.abs(tangent.diagonal())
+    diagonal[diagonal == 0.0] = np.abs(tangent.data).max(initial=0.0) or 1.0
+    factors = factors_of(tangent + diags_array(1e-15 * diagonal), order="NATURAL")
+    share = factors.U.diagonal() / diagonal[factors.perm_c.argsort()]
+    bad = np.flatnonzero(share <= _ROUNDING)
+    row = int(bad[0]) if len(bad) else int(np.argmin(share))
+    unit = np.zeros(row + 1)
+    unit[row] = 1.0
+    direction = np.zeros(tangent.shape[0])
+    upper = csr_array(factors.L[: row + 1, : row + 1].T)
+    direction[: row + 1] = spsolve_triangular(upper, unit, lower=False)
+    direction = direction[factors.perm_c]
+    weakest = direction = direction / np.linalg.norm(direction)
+    for _ in range(4):  # inverse iterations turn it towards the weakest one
+        answer = factors.solve(direction)
+        size = np.linalg.norm(answer)
+        if not 0.0 < size < np.inf:
+            break
+        direction = answer / size
+        if direction @ (tangent @ direction) < weakest @ (tangent @ weakest):
+            weakest = direction
+    return weakest
 
 
 def tangent_error(
@@ -71,6 +146,9 @@ def elastic_law(network: SpringNetwork) -> SpringLaw:
     return law
 
 
+MOST = 25  # Corrections after which it gives up
+
+
 def find_balance(
     assembler: Assembler,
     solver: DirectSolver,
@@ -78,25 +156,22 @@ def find_balance(
     displacement: Floats,
     force: Floats,
     *,
-    given: Floats | None = None,
-    force_scale: float = 0.0,
+    given: Floats,
+    force_scale: float,
     tolerance: float = 1e-12,
-    limit: int = 25,
 ) -> NetworkBalance:
     """Correct a displacement until the springs carry the force.
 
     It starts near the answer (m), on its side of any instability. `given`: displacement (m) that
-    the held coordinates shall reach, None: where they are; `force_scale`: force (N) to compare the
+    the held coordinates shall reach; `force_scale`: force (N) to compare the
     residual with, if larger than those met here; `tolerance`: largest unbalanced force as a share
-    of the largest force; `limit`: corrections after which it gives up by a `ConvergenceError`. A
-    tangent on the way that is singular or indefinite raises `SingularTangentError`.
+    of the largest force. After too many corrections it gives up by a `ConvergenceError`; a tangent
+    on the way that is singular or indefinite raises `SingularTangentError`.
     """
-    jump = np.zeros_like(displacement)
-    if given is not None:
-        jump = np.where(assembler.network.held, given - displacement, 0.0)
+    jump = np.where(assembler.network.held, given - displacement, 0.0)
     geometry = assembler.geometry(displacement)
     tension, stiffness = law(geometry.elongation)
-    for corrections in range(limit + 1):
+    for corrections in range(MOST + 1):
         unbalanced = assembler.restrict(force + assembler.internal_force(geometry, tension))
         force_scale = max(force_scale, np.abs(force).max(), np.abs(tension).max())
         residual = float(np.abs(unbalanced).max(initial=0.0))
@@ -104,7 +179,7 @@ def find_balance(
             return NetworkBalance(
                 displacement, tension, residual / (force_scale or 1.0), corrections
             )
-        if corrections == limit:
+        if corrections == MOST:
             break
         if jump.any():
             change = assembler.force_change(geometry, tension, stiffness, jump)
@@ -116,7 +191,7 @@ def find_balance(
         geometry = assembler.geometry(displacement)
         tension, stiffness = law(geometry.elongation)
     raise ConvergenceError(
-        f"after {limit} corrections {residual:.3g} N are still unbalanced, of "
+        f"after {MOST} corrections {residual:.3g} N are still unbalanced, of "
         f"{force_scale:.3g} N at most; load in smaller increments"
     )
 
@@ -136,22 +211,6 @@ def solve_tangent(
         raise ConvergenceError("a spring shrank to nothing; load in smaller increments")
     solver.factorise(assembler.tangent(geometry, tension, stiffness))
     return assembler.expand(solver.solve(load))
-
-
-def unstable_mode(
-    assembler: Assembler,
-    solver: DirectSolver,
-    geometry: Geometry,
-    tension: Floats,
-    stiffness: Floats,
-) -> SingularTangentError | None:
-    """Return what gives way in a state of the network, None if nothing does."""
-    probe = np.random.default_rng(0).standard_normal(len(assembler.free))
-    try:
-        solve_tangent(assembler, solver, geometry, tension, stiffness, probe)
-    except SingularTangentError as weakness:
-        return weakness
-    return None
 
 
 def _line_search(

@@ -19,14 +19,14 @@ from kaju.model.stepper import Stepper
 
 from .assembler import Assembler, Geometry
 from .equilibrium import (
+    DirectSolver,
     NetworkBalance,
+    SingularTangentError,
     elastic_law,
     find_balance,
     solve_tangent,
     tangent_error,
-    unstable_mode,
 )
-from .linear import DirectSolver, SingularTangentError
 from .network_result import NetworkResult, Scheme
 from .springs import SpringNetwork
 
@@ -112,7 +112,7 @@ class NetworkModel(Stepper[NetworkResult]):
             take = self._euler_step if self.scheme == "euler" else self._newton_step
             record = take(last, taken / self.increments)
             at_the_end = taken == self.increments * self.network.stages
-            if at_the_end and self.scheme == "newton":
+            if at_the_end and self.scheme == "newton" and len(self.assembler.free):
                 self._check_stable(record)
         except TangentError:
             self.running = False
@@ -250,9 +250,10 @@ class NetworkModel(Stepper[NetworkResult]):
     def _check_stable(self, record: NetworkRecord) -> None:
         """Refuse a state that gives way."""
         geometry, stiffness = self._geometry_and_stiffness(record)
-        weakness = unstable_mode(self.assembler, self.solver, geometry, record.tension, stiffness)
-        if weakness is not None:
-            raise self._gives_way(record, weakness)
+        try:
+            self.solver.factorise(self.assembler.tangent(geometry, record.tension, stiffness))
+        except SingularTangentError as weakness:
+            raise self._gives_way(record, weakness) from None
 
     def _geometry_and_stiffness(self, record: NetworkRecord) -> tuple[Geometry, Floats]:
         geometry = self.assembler.geometry(record.displacement)

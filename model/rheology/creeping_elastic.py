@@ -26,7 +26,7 @@ from typing import Annotated, Any, ClassVar
 
 import numpy as np
 
-from kaju.arrays import Flags, Floats
+from kaju.arrays import Flags, Floats, spread
 from kaju.errors import ConvergenceError, ResultError
 from kaju.factors import factors_of
 from kaju.model.elastic.elastic_result import ElasticResult
@@ -103,7 +103,7 @@ class ElasticCreepResult(BodyTimeResult):
             return np.asarray(self.factors[record] * self.static.cells().stress)
         problem = cells_of(self.static).problem
         solid, stiff = problem.kinds >= 0, _stiff_edges(problem)
-        cells = [_spread(values, solid)[problem.inner] for values in self._stepped("cells")[record]]
+        cells = [spread(values, solid)[problem.inner] for values in self._stepped("cells")[record]]
         # Edges are stored pair by pair of axes, of each pair those that carry shear.
         ends = np.cumsum([np.count_nonzero(there) for there in stiff.values()])
         shears = np.split(self._stepped("edges")[record], ends[:-1])
@@ -111,7 +111,7 @@ class ElasticCreepResult(BodyTimeResult):
         for (pair, there), values in zip(stiff.items(), shears, strict=True):
             on_surface = float(self.factors[record]) * problem.surface_shear.get(pair, 0.0)
             inner = (slice(1, -1),) * problem.dimension
-            edges[pair] = (_spread(values, there) + on_surface)[inner]
+            edges[pair] = (spread(values, there) + on_surface)[inner]
         return problem.scales.stress * fields.cell_tensor(problem, Strains(tuple(cells), edges))
 
     def _moved(self, record: int) -> ElasticResult:
@@ -129,13 +129,6 @@ class ElasticCreepResult(BodyTimeResult):
                 "all displacements grow alike here: multiply those of `static` by `growth`"
             )
         return values
-
-
-def _spread(values: Floats, places: Flags) -> Floats:
-    """Return a field with values at some places, and 0 elsewhere."""
-    field = np.zeros(places.shape)
-    field[places] = values
-    return field
 
 
 def cells_of(static: ElasticResult) -> CellAgents:

@@ -11,8 +11,12 @@ import numpy as np
 from kaju.arrays import Floats, first_largest
 from kaju.errors import ConvergenceError, require
 from kaju.model.network.assembler import Assembler, spring_forces, spring_geometry
-from kaju.model.network.equilibrium import find_balance, tangent_error
-from kaju.model.network.linear import DirectSolver, SingularTangentError
+from kaju.model.network.equilibrium import (
+    DirectSolver,
+    SingularTangentError,
+    find_balance,
+    tangent_error,
+)
 from kaju.model.network.network_result import NetworkResult
 from kaju.model.network.springs import SpringNetwork
 from kaju.model.results.result import Curves

@@ -98,11 +98,6 @@ class ThreeElement:
         """D_f/K_f (s): how long the element takes to give under a held force."""
         return self.D_f / self.K_f if self.K_f else inf
 
-    @property
-    def relaxation_time(self) -> float:
-        """(D_d + D_f)/K_f (s): how long the force takes to fade at a held displacement."""
-        return (self.D_d + self.D_f) / self.K_f if self.K_f else inf
-
     def creep(self, *, force: float | History, times: ArrayLike) -> Floats:
         """Return the displacement under a force (N or Pa) held from time 0, or a history of it.
 

@@ -8,9 +8,7 @@ constant") and improves the best point by a simplex (Nelder & Mead 1965). Both a
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from math import hypot, isfinite, sqrt
 from typing import Any, Literal, get_args
 
 import numpy as np
@@ -35,7 +33,7 @@ class Fit:
     rule: PrescribedRule  # the scene's with the fitted α and β, for `Scene.replace(rule=...)`
     before: Comparison  # the scene's own rule against the reference
     after: Comparison  # the fitted rule against it
-    weights: Mapping[Quantity, float]  # of the quantities that were fitted
+    quantity: Quantity  # whose misfit was minimised
     evaluations: int  # how often the rule was run
 
     @property
@@ -49,10 +47,8 @@ class Fit:
 
     @property
     def misfit(self) -> tuple[float, float]:
-        """Weighted misfit of what was fitted, before and after."""
-        before, after = zip(*(self.misfits[name] for name in self.weights), strict=True)
-        weights = list(self.weights.values())
-        return _weighted(before, weights), _weighted(after, weights)
+        """Misfit of what was fitted, before and after."""
+        return self.misfits[self.quantity]
 
     @property
     def trade_off(self) -> str:
@@ -102,13 +98,13 @@ def fit_rule(
     scene: Scene,
     reference: Any = None,
     *,
-    quantity: Quantity | Mapping[Quantity, float] = "displacement",
+    quantity: Quantity = "displacement",
     evaluations: int = 600,
 ) -> Fit:
     """Find the α and β for which the prescribed rule is closest to a reference.
 
-    They fit this body under these loads only, and minimise the root of the weighted mean square of
-    the misfits. Agents never pass on more along the load than they take.
+    They fit this body under these loads only. Agents never pass on more along the load than they
+    take.
 
     Parameters
     ----------
@@ -117,9 +113,8 @@ def fit_rule(
         materials are dropped.
     reference : answer of elasticity or Reference, optional
         What counts as the truth; by default the answer of elasticity.
-    quantity : {"displacement", "stress"} or mapping
+    quantity : {"displacement", "stress"}
         Which misfit to minimise: the norm of the difference over the norm of the reference.
-        ``{"displacement": 1, "stress": 2}`` weighs both.
     evaluations : int
         About how often the rule is run.
 
@@ -141,34 +136,26 @@ def fit_rule(
     ...     sides={"bottom": "rigid"},
     ...     loads=[{"cell": [3, 5], "force": [0.0, -2.0]}],
     ... )
-    >>> fit = kaju.fit_rule(scene, quantity={"displacement": 1, "stress": 1}, evaluations=60)
+    >>> fit = kaju.fit_rule(scene, quantity="stress", evaluations=60)
     >>> before, after = fit.misfit
     >>> after < before
     True
     """
-    weights: dict[Quantity, float] = {quantity: 1.0} if isinstance(quantity, str) else {**quantity}
-    _check(scene, weights, evaluations)
-    search = _Search(scene, elastic_reference(scene) if reference is None else reference, weights)
-    best = search.rule(search.run(evaluations))
-    return Fit(best, search.before, search.compare(best), weights, search.runs)
-
-
-def _check(scene: Scene, weights: Mapping[Quantity, float], evaluations: int) -> None:
-    """Refuse what cannot be fitted."""
     scene_needed(scene)
     if not isinstance(scene.rule, PrescribedRule):
         raise ParameterError(
             f"scene: its rule is {scene.rule.kind!r}; the coefficients of a prescribed rule "
             "can be fitted, so replace it: scene.replace(rule=PrescribedRule())"
         )
-    for name in weights.keys() - set(get_args(Quantity)):
-        known = suggestion(str(name), get_args(Quantity))
-        raise ParameterError(f"quantity: must be 'displacement' or 'stress', got {name!r}{known}")
-    each = list(weights.values())
-    if not (all(isfinite(w) and w >= 0.0 for w in each) and sum(each) > 0.0):
-        raise ParameterError(f"quantity: weights must be 0 or more, and not all 0, got {each}")
+    if quantity not in get_args(Quantity):
+        known = suggestion(str(quantity), get_args(Quantity))
+        told = f"must be 'displacement' or 'stress', got {quantity!r}"
+        raise ParameterError(f"quantity: {told}{known}")
     if evaluations < 10:
         raise ParameterError(f"evaluations: must be 10 or more, got {evaluations}")
+    search = _Search(scene, elastic_reference(scene) if reference is None else reference, quantity)
+    best = search.rule(search.run(evaluations))
+    return Fit(best, search.before, search.compare(best), quantity, search.runs)
 
 
 class _Search:
@@ -178,13 +165,13 @@ class _Search:
     every corner of the box is a rule whose loads end if each is judged by itself.
     """
 
-    def __init__(self, scene: Scene, reference: Any, weights: Mapping[Quantity, float]) -> None:
+    def __init__(self, scene: Scene, reference: Any, quantity: Quantity) -> None:
         assert isinstance(scene.rule, PrescribedRule)
         # The last stage alone counts, and each is run from the start.
         self.scene, self.own, self.runs = scene.in_one_step(), scene.rule, 0
         first = LoadModel(self.scene, engine="arrays", allow_unstable=True).run()
         self.before = compare(first, reference)
-        self.names, self.weights = list(weights), list(weights.values())
+        self.quantity: Quantity = quantity
         self.beside = 2 * (scene.lattice.dimension - 1)
         self.best, self.box = np.inf, self.start()
 
@@ -211,11 +198,10 @@ class _Search:
         return np.asarray(np.clip([shares.own, total, beside, self.own.beta], 0.0, 1.0))
 
     def __call__(self, box: Floats) -> float:
-        """Return the weighted misfit at a point of the box."""
+        """Return the misfit at a point of the box."""
         self.runs += 1
         try:
-            found = self.compare(self.rule(box))
-            value = _weighted([_pair(found, name).misfit for name in self.names], self.weights)
+            value = _pair(self.compare(self.rule(box)), self.quantity).misfit
         except StabilityError:
             value = 10.0  # loads that grow are worse than any rule worth considering
         if value < self.best:
@@ -238,12 +224,6 @@ class _Search:
         }
         minimize(self, self.box, method="Nelder-Mead", bounds=box, options=options)
         return self.box
-
-
-def _weighted(misfits: Sequence[float], weights: Sequence[float]) -> float:
-    """Return the root of the weighted mean square."""
-    whole = sum(weights)
-    return hypot(*(sqrt(w / whole) * m for m, w in zip(misfits, weights, strict=True)))
 
 
 def _pair(comparison: Comparison, quantity: Quantity) -> Pair:

@@ -33,6 +33,13 @@ def points_in(given: Any, dimension: int) -> Floats:
     return points
 
 
+def spread(values: NDArray[Any], places: Flags, fill: float = 0.0) -> NDArray[Any]:
+    """Return an array with values at some places, in their order, and a `fill` elsewhere."""
+    field = np.full((*places.shape, *values.shape[1:]), fill)
+    field[places] = values
+    return field
+
+
 def first_largest(values: Floats) -> int:
     """Return the first index whose value equals the largest one, but for rounding."""
     # Another processor rounds them in another order.

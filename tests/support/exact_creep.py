@@ -31,7 +31,7 @@ def exactly_crept(element, force, times):
 
 def exactly_relaxed(element, displacement, times):
     """Force: a held displacement fades, a ramp stretches the spring and then flows."""
-    share, pace = 1.0 / (1.0 + element.D_f / element.D_d), 1.0 / element.relaxation_time
+    share, pace = 1.0 / (1.0 + element.D_f / element.D_d), element.K_f / (element.D_d + element.D_f)
 
     def held(t):
         return (t > 0.0) * share**2 * element.K_f * np.exp(-t * pace)

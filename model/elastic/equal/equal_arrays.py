@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kaju.arrays import Flags, Floats, Ints
+from kaju.arrays import Flags, Floats, Ints, spread
 from kaju.errors import ResultError
 from kaju.model.elastic.moduli import equivalent_stress
 
@@ -63,9 +63,7 @@ class EqualArrays:
     @cached_property
     def material(self) -> Ints:
         """Index into `scene.cell_materials` of each cell, -1 where there is no body."""
-        material = np.full(self.shape, -1, dtype=np.int64)
-        material[self.body] = self._result.material_at(self.middle)
-        return material
+        return spread(self._result.material_at(self.middle), self.body, -1)
 
     @cached_property
     def displacement(self) -> Floats:
@@ -94,9 +92,7 @@ class EqualArrays:
 
     def _spread(self, values: Floats) -> Floats:
         """Return values of the body's cells as an array over all cells."""
-        field = np.full((*self.shape, *values.shape[1:]), np.nan)
-        field[self.body] = values
-        return field
+        return spread(values, self.body, np.nan)
 
     def _middles(self, chosen: Flags) -> Floats:
         return np.asarray((np.argwhere(chosen) + np.asarray(self.origin) + 0.5) * self.cell_size)

@@ -22,7 +22,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from kaju.arrays import Floats, Ints
+from kaju.arrays import Floats, Ints, spread
 from kaju.model.elastic.moduli import Moduli, moduli_at
 from kaju.model.scene.cell_types import AIR, DISPLACED, RIGID
 
@@ -191,12 +191,9 @@ class Numbering:
         self.number = []
         self.size = 0
         for state in states:
-            active = state == ACTIVE
-            count = int(np.count_nonzero(active))
-            number = np.full(state.shape, -1, dtype=np.int64)
-            number[active] = np.arange(self.size, self.size + count)
-            self.number.append(number)
-            self.size += count
+            active, first = state == ACTIVE, self.size
+            self.size += int(np.count_nonzero(active))
+            self.number.append(spread(np.arange(first, self.size), active, -1))
 
     def gather(self, fields: FaceFields) -> Floats:
         """Pick the active faces' values into one vector."""

@@ -14,7 +14,15 @@ from kaju.model.elastic.elastic_result import ElasticResult
 from kaju.model.elastic.equal.cell_agents import CellAgents
 from kaju.model.elastic.equal.staggered import strain_energy
 from kaju.model.elastic.equal.system import Solution
-from kaju.model.elastic.relaxation.elastic_run import ElasticRun, books
+from kaju.model.elastic.relaxation.elastic_run import (
+    BoundaryAgents,
+    ElasticRun,
+    FaceAgents,
+    PushLedger,
+    Recorder,
+    StepRecord,
+    books,
+)
 from kaju.model.elastic.relaxation.face_agent_engine import AgentPushEngine
 from kaju.model.elastic.relaxation.push_state import (
     PushEngine,
@@ -24,13 +32,6 @@ from kaju.model.elastic.relaxation.push_state import (
     repeated,
 )
 from kaju.model.elastic.relaxation.push_table import PushTable, WaveCertificate, certify_waves
-from kaju.model.elastic.relaxation.records import (
-    BoundaryAgents,
-    FaceAgents,
-    PushLedger,
-    Recorder,
-    StepRecord,
-)
 from kaju.model.scene import Scene
 from kaju.model.stepped_model import SteppedModel
 from kaju.model.stepper import not_balanced

@@ -1,33 +1,195 @@
-"""What a run of the elastic rule leaves behind, gathered from its model."""
+"""What a run of the elastic rule leaves behind, gathered from its model.
+
+Its parts come first: steps, agents, boundary, ledger, and moments on the way.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING, Any, ClassVar, cast
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, NamedTuple, Self, cast
 
 import numpy as np
+from numpy.typing import NDArray
 
 from kaju import __version__
-from kaju.arrays import Floats
+from kaju.arrays import Floats, Ints
 from kaju.errors import ResultError
 from kaju.model.elastic.elastic_result import ElasticResult
 from kaju.model.elastic.equal.cell_agents import CellAgents
 from kaju.model.elastic.moduli import scene_moduli
+from kaju.model.elastic.relaxation.push_state import PushState
 from kaju.model.elastic.relaxation.push_table import WaveCertificate
-from kaju.model.elastic.relaxation.records import (
-    BoundaryAgents,
-    FaceAgents,
-    Moments,
-    PushLedger,
-    StepRecord,
-)
 from kaju.model.results.cuts import Carrying
 from kaju.model.results.result import BALANCE, BodyResult, Check, Curves, idle_rheology
+from kaju.model.results.stored import Column
 from kaju.model.scene import Scene
+from kaju.model.scene.cell_types import AIR, DISPLACED
 from kaju.model.stepper import not_balanced
 
 if TYPE_CHECKING:
     import pandas
+
+
+class StepRecord(NamedTuple):
+    """One step: what it was, and how things stood after it."""
+
+    level: int  # Level that was visited
+    way: str  # Then loads were restricted ("up"), displacements prolonged ("down"); "" on one level
+    energy: float  # Energy of body and loads (J), 0 at the start
+    loudest: float  # Largest load left, as it counts against γ (N), at the last visit to level 0
+    error_estimate: float  # √(Σ P²/k) over √(load · displacement), then
+    pushes: int  # How often agents have yielded so far
+
+
+@dataclass(frozen=True, eq=False)
+class FaceAgents:
+    """The face agents, ordered by level, spawn step and number; one row for each."""
+
+    level: Annotated[Ints, Column("agents", 0, 64)]  # 0 for the cells' own faces
+    spawn_step: Annotated[Ints, Column("agents", 0)]  # From 1
+    number: Annotated[Ints, Column("agents", 0)]  # Of the face on its level
+    axis: Annotated[Ints, Column("agents", 0, "dimension")]  # Of the face's normal
+    position: Annotated[Floats, Column("agents dimension")]  # Middle of the face (m)
+    taken: Annotated[Floats, Column("agents", 0.0)]  # Sum of the sizes of the loads taken (N)
+    left: Annotated[Floats, Column("agents")]  # Load left (N)
+    # Along the axis (m); of parents, in their last visit
+    displacement: Annotated[Floats, Column("agents")]
+
+    @classmethod
+    def of(cls, state: PushState) -> Self:
+        """Return the agents that have spawned."""
+        rows = []
+        for number, (level, faces) in enumerate(zip(state.table.levels, state.levels, strict=True)):
+            awake = _awake(faces.spawn_step)
+            at = state.table.positions(number)
+            columns = (level.place[0], at, faces.taken, faces.left, faces.displacement)
+            named = np.full(len(awake), number), faces.spawn_step[awake], awake
+            rows.append((*named, *(values[awake] for values in columns)))
+        return cls(*map(np.concatenate, zip(*rows, strict=True)))
+
+
+@dataclass(frozen=True, eq=False)
+class BoundaryAgents:
+    """The boundary agents: supports, then air; each ordered by spawn step and cell."""
+
+    cells: Annotated[Ints, Column("boundary dimension", -1)]  # Where they are
+    kind: Annotated[Ints, Column("boundary", DISPLACED, AIR)]  # What they are, see `cell_types`
+    spawn_step: Annotated[Ints, Column("boundary", 0)]  # Step in which a load first reached them
+    reaction: Annotated[Floats, Column("boundary dimension")]  # Force on the body (N), 0 from air
+    # Sum of the sizes of the loads (N) that air gave back; none by supports
+    returned: Annotated[Floats, Column("boundary", 0.0)]
+
+    @classmethod
+    def of(cls, state: PushState) -> Self:
+        """Return the supports and the air that loads have reached."""
+        table, faces, count = state.table, state.levels[0], state.table.levels[0].size
+        dimension, holding, air = table.problem.dimension, table.holding, table.open_air
+        by_axis = table.place_axes[:, None] == np.arange(dimension)
+        reaction = -(holding.links @ (by_axis * faces.left[count:, None]))
+        returned = air.links @ faces.taken
+        steps = holding.first(state.place_step), air.first(faces.spawn_step)
+        held, open_ = (_awake(step) for step in steps)
+        cells = np.concatenate([holding.cells[held], air.cells[open_]]) + np.asarray(table.origin)
+        return cls(
+            cells=cells,
+            kind=table.grid.kinds(cells),
+            spawn_step=np.concatenate([steps[0][held], steps[1][open_]]),
+            reaction=np.concatenate([reaction[held], np.zeros((len(open_), dimension))]),
+            returned=np.concatenate([np.zeros(len(held)), returned[open_]]),
+        )
+
+
+@dataclass(frozen=True)
+class PushLedger:
+    """An account of every newton, per axis (N)."""
+
+    applied: Annotated[Floats, Column("dimension")]  # Sum of the applied forces
+    resting: Annotated[Floats, Column("dimension")]  # Sum of the loads left on faces
+    carried: Annotated[Floats, Column("dimension")]  # Sum of what the supports carry
+    turnover: float  # Sum of the sizes of all these loads, to compare the imbalance with
+
+    @classmethod
+    def of(cls, state: PushState) -> Self:
+        """Return how the account stands."""
+        table, left = state.table, state.levels[0].left
+        axes, dimension = table.levels[0].place[0], table.problem.dimension
+        resting, carried = np.zeros(dimension), np.zeros(dimension)
+        np.add.at(resting, axes, left[: len(axes)])
+        np.add.at(carried, table.place_axes, left[len(axes) :])
+        turnover = float(np.abs(left).sum() + np.abs(table.load).sum())
+        return cls(table.applied, resting, carried, turnover)
+
+    @property
+    def imbalance(self) -> float:
+        """What the books do not account for, as a share of the turnover."""
+        gap = np.abs(self.applied - self.resting - self.carried).max()
+        return float(gap / self.turnover) if self.turnover > 0.0 else 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Moments:
+    """How things stood after some of the steps, from before the first to the last."""
+
+    step: Annotated[Ints, Column("moments", 0)]  # Steps taken; 0 is before the first
+    level: Annotated[Ints, Column("moments", 0, 64)]  # Level that the step visited
+    energy: Annotated[Floats, Column("moments")]  # Energy of body and loads (J)
+    # Of each agent, as in the run's table: load left (N), where parents hold the last that was
+    # restricted to them, sum of the sizes of the loads taken (N), and displacement (m)
+    left: Annotated[NDArray[np.float32], Column("moments agents")]
+    taken: Annotated[NDArray[np.float32], Column("moments agents", 0.0)]
+    displacement: Annotated[NDArray[np.float32], Column("moments agents")]
+
+
+class Recorder:
+    """Notes moments while a model steps, from before the first step on: evenly, and few.
+
+    A run may take tens of thousands of steps. When there are too many moments, every second one
+    is forgotten, and from then on only every second step is noted.
+    """
+
+    def __init__(self, state: PushState) -> None:
+        self._state = state
+        faces = sum(len(level.weight) for level in state.levels)
+        # As many as a film shows, in up to 32 MB.
+        self._most = max(8, min(400, 32_000_000 // (12 * faces)))
+        self._every = 1
+        self._kept = [self._look(0)]
+
+    def note(self, level: int) -> None:
+        """Keep the step that has just been taken, if its turn has come."""
+        if self._state.generation % self._every:
+            return
+        self._kept.append(self._look(level))
+        if len(self._kept) > self._most:
+            self._kept = self._kept[::2]
+            self._every *= 2
+
+    def moments(self, level: int, agents: FaceAgents) -> Moments:
+        """Return what was kept, and how things stand now, after a visit to a level."""
+        kept = self._kept
+        if kept[-1][0] != self._state.generation:
+            kept = [*kept, self._look(level)]
+        starts = np.cumsum([0, *(level.size for level in self._state.table.levels)])
+        row = starts[agents.level] + agents.number
+        steps, levels, energies, columns = zip(*kept, strict=True)
+        values = (np.stack(column)[:, row] for column in zip(*columns, strict=True))
+        return Moments(np.array(steps), np.array(levels), np.array(energies), *values)
+
+    def _look(self, level: int) -> tuple[int, int, float, list[NDArray[np.float32]]]:
+        state = self._state
+        columns = (
+            [faces.left[: len(faces.weight)] for faces in state.levels],
+            [faces.taken for faces in state.levels],
+            [faces.displacement for faces in state.levels],
+        )
+        values = [np.concatenate(column).astype(np.float32) for column in columns]
+        return state.generation, level, state.energy, values
+
+
+def _awake(step: Ints) -> Ints:
+    """Return the rows that have a step, in the order of their steps."""
+    awake = np.flatnonzero(step)
+    return awake[np.argsort(step[awake], kind="stable")]
 
 
 @dataclass(frozen=True, eq=False, repr=False)

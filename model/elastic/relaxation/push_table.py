@@ -31,7 +31,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from kaju.agents.elastic_rule import ElasticRule
-from kaju.arrays import Floats, Ints, moved
+from kaju.arrays import Floats, Ints, moved, spread
 from kaju.errors import SceneError
 from kaju.model.elastic.equal.grid import grid_of
 from kaju.model.elastic.equal.problem import ABSENT, ACTIVE, FIXED, ElasticProblem
@@ -355,8 +355,8 @@ def _parents(state: States, axis: int, *, normal: bool) -> States:
 
 def _interpolation(fine: States, coarse: States, axis: int, *, normal: bool) -> sp.csr_array:
     """Return the weights of one axis, active children by active parents."""
-    number = np.full(coarse.shape, -1, dtype=np.int64)
-    number[coarse == ACTIVE] = np.arange(np.count_nonzero(coarse == ACTIVE))
+    moves = coarse == ACTIVE
+    number = spread(np.arange(np.count_nonzero(moves)), moves, -1)
     place = np.nonzero(fine == ACTIVE)
     child = place[axis].astype(np.int64) - 1
     parent = child // 2
@@ -379,7 +379,7 @@ def _interpolation(fine: States, coarse: States, axis: int, *, normal: bool) -> 
     column, weight = (np.concatenate(part) for part in zip(*terms, strict=True))
     row = np.tile(np.arange(len(child)), len(terms))
     some = np.flatnonzero((column >= 0) & (weight != 0.0))
-    size = (len(child), int(np.count_nonzero(coarse == ACTIVE)))
+    size = (len(child), int(np.count_nonzero(moves)))
     return compact(row[some], column[some], weight[some], size)
 
 

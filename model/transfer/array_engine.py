@@ -11,7 +11,7 @@ copies are newtons. `AgentEngine` does the same with objects.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from itertools import groupby, pairwise, product
+from itertools import groupby, pairwise
 from operator import itemgetter
 from typing import Any, NamedTuple
 
@@ -41,6 +41,10 @@ class Waits(NamedTuple):
     place: Ints  # number of the cell times the number of states, plus the state
     number: Ints  # of the magnitude in a table of all magnitudes
     copies: Floats  # how many equal loads the row stands for
+    load: Floats  # what these are together (N)
+
+
+NOTHING = Waits(*np.empty((2, 0), dtype=np.int64), *np.empty((2, 0)))
 
 
 class Sent(NamedTuple):
@@ -49,7 +53,7 @@ class Sent(NamedTuple):
     # Of each emission state · (magnitudes + 1) + magnitude, as they will be, (emissions, kinds);
     # one magnitude more than there are: it ends.
     entry: Ints
-    books: Floats  # what is taken by state, passed by arm, and dropped (N), (entries, kinds)
+    books: Floats  # what is passed over each arm, and dropped (N), (directions + 1, kinds)
 
 
 class ArrayEngine:
@@ -68,19 +72,18 @@ class ArrayEngine:
         self.share = share.reshape(-1, most).T.copy()
         self.shares, which = np.unique(self.share, return_inverse=True)
         self.which_share = which.reshape(self.share.shape)
-        # What enters the books of an agent: of a load, and of shares that are passed or dropped.
-        every, entries = np.arange(self.share.shape[1]), self.states + self.directions + 1
-        books = np.zeros((entries, len(every), 1 + 2 * len(self.shares)))
-        books[every % self.states, every, 0] = 1.0
+        # What enters the books of an agent, of shares that are passed or dropped.
+        every, some = np.arange(self.share.shape[1]), len(self.shares)
+        books = np.zeros((self.directions + 1, len(every), 2 * some))
         for over, one in zip(self.arm, self.which_share, strict=True):
-            books[self.states + over, every, 1 + one] += 1.0
-            books[-1, every, 1 + len(self.shares) + one] += 1.0
-        self.books_of = books.reshape(entries * len(every), -1)
+            books[over, every, one] += 1.0
+            books[-1, every, some + one] += 1.0
+        self.books_of = books.reshape(-1, 2 * some)
         edge = round(LOOKED_AT_ONCE ** (1.0 / self.lattice.dimension))
         if self.lattice.size <= 4 * LOOKED_AT_ONCE:  # with its rim a block of its own
             edge = max(self.lattice.shape) + 2
         self.edges = np.minimum(edge, np.array(self.lattice.shape) + 2)
-        self.block = np.array(list(product(*map(range, self.edges))), dtype=np.int64)
+        self.block = np.indices(self.edges).reshape(len(self.edges), -1).T
 
     def start(self, cells: Ints, state: Ints, magnitude: Floats, *, live_on: bool = False) -> None:
         """Put the applied loads (N) on a body without agents, or on one whose agents `live_on`."""
@@ -91,14 +94,14 @@ class ArrayEngine:
         copies = magnitude
         if not self.accumulate:
             above = magnitude > self.threshold
-            self.dropped += float(magnitude[~above].sum())
+            self.ended += float(magnitude[~above].sum())
             cells, state = cells[above], state[above]
             self.values, number = np.unique(magnitude[above], return_inverse=True)
             copies = np.ones(len(state))
         self._look_round(cells)
         place = self.find(self.lattice.key(cells)) * self.states + state
-        self.woken: list[tuple[Ints, Ints]] = []
-        self.waiting = Waits(place, number, copies)
+        self.sent: list[tuple[Ints, Ints]] = []
+        self.waiting = Waits(place, number, copies, copies)
         self._arrive([(place * (len(self.values) + 1) + number, copies)])
 
     def _clear(self) -> None:
@@ -111,18 +114,19 @@ class ArrayEngine:
         self.material = self.form = self.shift = self.woken_by = none
         self.spawn_step = none - 1  # 0: it sleeps
         # The first place over each arm, below 0 of a boundary; 0: not seen yet.
-        self.over = np.zeros((1, self.directions), dtype=np.int32)
-        self.books = np.zeros((1, self.states + self.directions + 1))  # as those of `Sent`
-        # A boundary for each cell and arm with nothing of the body over it, its places below 0.
+        self.over = np.zeros((1, self.directions), dtype=np.int64)
+        self.took = np.zeros((1, self.states))
+        self.books = np.zeros((1, self.directions + 1))  # as those of `Sent`
+        # A boundary for each cell and arm with nothing of the body over it. Its places count from
+        # -1 downwards, so that they are found from the end: a new one comes first.
         self.wall = np.zeros((2, 0), dtype=np.int64)  # cell and arm
         self.home = np.zeros(0, dtype=np.int64)  # the places where they give back
-        self.applied = self.taken = self.passed = self.returned = self.dropped = 0.0
+        self.applied = self.taken = self.passed = self.returned = self.ended = 0.0
         self.record: list[
             tuple[int, NDArray[np.int32], Floats]
         ] = []  # generation, place, load taken
-        none = none[:0]
         self.given_back: list[tuple[int, Ints, Floats]] = []  # generation, place of `home`, load
-        self.waiting = Waits(none, none, np.empty(0))
+        self.waiting = NOTHING
 
     # One generation: begin, agents act, end.
 
@@ -155,7 +159,7 @@ class ArrayEngine:
         size = self.shares[:, None] * self.values
         passes = size > (0.0 if self.accumulate else self.threshold)
         passed = np.where(passes, size, 0.0)
-        books = self.books_of @ np.concatenate([self.values[None], passed, size - passed])
+        books = self.books_of @ np.concatenate([passed, size - passed])
         if self.accumulate:
             number = 1 - passes
         else:
@@ -165,69 +169,62 @@ class ArrayEngine:
             number[~passes] = len(self.values)
         entry = number.take(self.which_share, axis=0)
         entry += (self.next_state * (len(self.values) + 1))[:, :, None]
-        entries = self.states + self.directions + 1
-        return Sent(entry.reshape(len(entry), -1), books.reshape(entries, -1))
+        return Sent(entry.reshape(len(entry), -1), books.reshape(self.directions + 1, -1))
 
     def _passed_on(self, rows: Waits, values: Floats, sent: Sent) -> Iterator[tuple[Ints, Floats]]:
         """Book what is done with loads; yield where their shares come, and how many copies."""
-        self.woken, count = [], len(self.values) + 1
-        cells = rows.place // self.states
-        for first in _parts(_firsts(cells), len(cells)):
-            part = slice(first[0], first[-1])
-            place, cell, copies = rows.place[part], cells[part], rows.copies[part]
+        self.sent, count = [], len(self.values) + 1
+        for part in self._parts(rows.place):
+            place, number, copies, load = (column[part] for column in rows)
+            cell = place // self.states
             column = self.shift.take(cell) + place
-            kind = column * len(values) + rows.number[part]
-            self._book(cells[first[:-1]], first[:-1] - first[0], kind, copies, sent.books)
+            kind = column * len(values) + number
+            self._book(place, load, kind, copies, sent.books)
             arm = self.arm.take(column, axis=1)
             arm += cell * self.directions
             over = self.over.take(arm)
-            came = np.multiply(over, count, dtype=np.int64)
+            came = over * count
             came += sent.entry.take(kind, axis=1)
-            self._note_woken(over, came, arm)
             if self.accumulate:
+                asleep = self.spawn_step.take(over // self.states, mode="clip") == 0
+                self.sent.append((came[asleep], arm[asleep]))
                 yield came.reshape(-1), (self.share.take(column, axis=1) * copies).reshape(-1)
             else:
                 yield came.reshape(-1), np.concatenate([copies] * len(came))
 
-    @property
-    def ended(self) -> float:
-        """Loads that were too small, and ended (N)."""
-        return self.dropped + float(self.books[:, -1].sum())
+    def _parts(self, place: Ints) -> Iterator[slice]:
+        """Yield slices of so many rows at once; those of one agent stay together."""
+        ends = place[ROWS_AT_ONCE::ROWS_AT_ONCE] // self.states * self.states
+        cuts = 0, *np.searchsorted(place, ends).tolist(), len(place)
+        return (slice(begin, end) for begin, end in pairwise(cuts) if begin < end)
 
-    def _book(self, cell: Ints, first: Ints, kind: Ints, copies: Floats, books: Floats) -> None:
-        """Book what agents take, pass on and drop, whose rows begin at `first`."""
+    def _book(self, place: Ints, load: Floats, kind: Ints, copies: Floats, books: Floats) -> None:
+        """Book what agents take, pass on and drop."""
+        first = _firsts(place)
+        place, taken = place[first], np.add.reduceat(load, first)
+        self.took.reshape(-1)[place] += taken
+        self.record.append((self.generation, place.astype(np.int32), taken))
+        cell = place // self.states
+        agent = _firsts(cell)
         done = books.take(kind, axis=1)
         done *= copies
-        done = np.add.reduceat(done, first, axis=1).T
-        self.books[cell] += done
-        taken = done[:, : self.states]
-        act, state = (taken > 0.0).nonzero()
-        place = (cell[act] * self.states + state).astype(np.int32)
-        self.record.append((self.generation, place, taken[act, state]))
-
-    def _note_woken(self, over: NDArray[np.int32], came: Ints, arm: Ints) -> None:
-        """Note over which arms loads come to cells where nobody is awake."""
-        asleep = np.zeros(len(self.key) * self.states + len(self.home), dtype=np.bool_)
-        asleep[: len(self.key) * self.states] = (self.spawn_step == 0).repeat(self.states)
-        entry = asleep.take(over).reshape(-1).nonzero()[0]
-        if len(entry):
-            count, where = len(self.values) + 1, came.take(entry)
-            goes_on = (where % count < count - 1).nonzero()[0]
-            arm = arm.take(entry[goes_on]) % self.directions
-            self.woken.append((where[goes_on] // count, 1 << self.lattice.opposite[arm]))
+        done = np.add.reduceat(done, first[agent], axis=1)
+        self.books[cell[agent]] += done.T
+        self.ended += float(done[-1].sum())
 
     def _arrive(self, came: Iterable[tuple[Ints, Floats]]) -> None:
         """Let loads that meet wait together; agents wake in the cells that they have reached."""
         place, number, copies = self._met(came)
         if self.accumulate:
             above = copies > self.threshold
-            self.dropped += float(copies[~above].sum())
+            self.ended += float(copies[~above].sum())
             place, number, copies = place[above], number[above], copies[above]
         elif 8 * len(self.values) > len(place):  # some may not occur
             used = np.bincount(number, minlength=len(self.values)) > 0
             self.values, number = self.values[used], (np.cumsum(used) - 1)[number]
-        self.waiting = Waits(place, number, copies)
-        self.pending = float(self.values.take(number) @ copies)
+        load = copies if self.accumulate else self.values.take(number) * copies
+        self.waiting = Waits(place, number, copies, load)
+        self.pending = float(load.sum())
         cell = place // self.states
         new = cell[self.spawn_step.take(cell) == 0]
         if len(new):
@@ -242,7 +239,7 @@ class ArrayEngine:
             came = [(where % size, copies) for where, copies in came]
             names = np.concatenate([where for where, _ in came])
             back = names[names >= cells] - size
-            home = self.home[self._wall(back // count)] * count + back % count
+            home = self.home[back // count] * count + back % count
             names = np.append(names, home)
             names.sort()
             names = names[_firsts(names)]
@@ -251,8 +248,7 @@ class ArrayEngine:
         table = np.zeros(size)
         for where, copies in came:
             np.add.at(table, where, copies)
-        none = np.empty(0, dtype=np.int64)
-        self.waiting = Waits(none, none, np.empty(0))  # all are taken: they need no memory
+        self.waiting = NOTHING  # all are taken: they need no memory
         if names is None:
             table[: self.states * count] = table[count - 1 :: count] = 0.0
         else:
@@ -271,31 +267,32 @@ class ArrayEngine:
         """Let boundaries give loads back; book them, and return where they come."""
         if self.accumulate:  # what one agent hands to one boundary in one state is judged as a sum
             above = copies > self.threshold
-            self.dropped += float(copies[~above].sum())
+            self.ended += float(copies[~above].sum())
             where, copies = where[above], copies[above]
         place, number = np.divmod(where, count)
-        wall, load = self._wall(place), self.values.take(number) * copies
-        self.given_back.append((self.generation, wall, load))
+        load = self.values.take(number) * copies
+        self.given_back.append((self.generation, place, load))
         self.returned += float(load.sum())
-        return self.home[wall] * count + number, copies
-
-    def _wall(self, place: Ints) -> Ints:
-        """Return the numbers of places of boundaries, which count from 0 up, wall after wall."""
-        wall = place // self.states
-        return place - (2 * wall + 1) * self.states
+        return self.home[place] * count + number, copies
 
     def _wake(self, cell: Ints, place: Ints) -> None:
         """Wake agents in cells, in which loads wait at `place`; they look round."""
         self.spawn_step[cell] = self.generation + 1
         self.awake += len(cell)
-        for at, arm in self.woken:
-            if self.accumulate:  # loads that met may have ended
-                alive = np.zeros(len(self.key) * self.states, dtype=np.bool_)
-                alive[place] = True
-                at, arm = at[alive[at]], arm[alive[at]]
-            np.bitwise_or.at(self.woken_by, at // self.states, arm)
         if (self.over[cell] == 0).any():
             self._look_round(self.lattice.cells(self.key[cell]))
+        # Boundaries, below 0, wake nobody; nor does cell 0.
+        beside, back = np.maximum(self.over[cell] // self.states, 0), self.lattice.opposite
+        if self.accumulate:  # loads that met may have ended
+            alive = np.zeros(2 * (self.took.size + len(self.home)), dtype=np.bool_)
+            alive[2 * place] = True
+            handed = np.zeros(self.over.size, dtype=np.bool_)
+            for came, arm in self.sent:
+                handed[arm[alive[came]]] = True
+            brought = handed.reshape(self.over.shape)[beside, back]
+        else:  # whoever handed over a load before had woken the agent then
+            brought = self.books[beside, back] > 0.0
+        self.woken_by[cell] = brought @ (1 << np.arange(self.directions))
 
     # What is where.
 
@@ -333,9 +330,9 @@ class ArrayEngine:
         self.key = np.append(self.key, key[body])
         self.material, self.form = np.append(self.material, material), np.append(self.form, form)
         self.shift = np.append(self.shift, column - number * self.states)
-        self.spawn_step, self.woken_by, self.over, self.books = (
+        self.spawn_step, self.woken_by, self.over, self.took, self.books = (
             _longer(table, len(body))
-            for table in (self.spawn_step, self.woken_by, self.over, self.books)
+            for table in (self.spawn_step, self.woken_by, self.over, self.took, self.books)
         )
 
     def _see_over(self, cell: Ints) -> None:
@@ -348,8 +345,8 @@ class ArrayEngine:
         kind = over[wall] // self.states
         turned = self.transfer.turned[kind, over_arm] + at[:, None] * self.states
         over[wall] = -(len(self.home) + self.states * np.arange(1, 1 + len(wall)))
-        self.home = np.append(self.home, turned)
-        self.wall = np.append(self.wall, [at, over_arm], axis=1)
+        self.home = np.append(turned[::-1], self.home)
+        self.wall = np.append([at[::-1], over_arm[::-1]], self.wall, axis=1)
         self.over[cell, arm] = over
 
     def _beside(self, cell: Ints, arm: Ints) -> Ints:
@@ -372,14 +369,13 @@ class ArrayEngine:
         """Return what each agent has done by now."""
         cell = self._agents()
         material, books = self.material[cell], self.books[cell]
-        kept = self.transfer.kept(material, books[:, : self.states])
-        done = kept, books[:, self.states : -1], books[:, -1]
+        done = self.transfer.kept(material, self.took[cell]), books[:, :-1], books[:, -1]
         return totals_of(self.transfer, self.lattice.cells(self.key[cell]), material, *done)
 
     def stage(self, factor: float) -> Stage:
         """Return what the stage has left behind so far."""
         d, agent = self.directions, self._agents()
-        by_state = self.books[agent, : self.states]
+        by_state = self.took[agent]
         taken = by_state.sum(axis=1)
         pulled = by_state[:, d:] if self.states > d else np.zeros_like(by_state)
         # What boundaries gave back, by generation, cell and state.
@@ -448,18 +444,6 @@ class ArrayEngine:
             order = np.argsort(rank[place // self.states], kind="stable")
             record.append((when, place[order], load[order]))
         return record
-
-
-def _parts(first: Ints, rows: int) -> Iterator[Ints]:
-    """Yield where the rows of agents begin, and at last where they end, so many rows at once."""
-    starts = np.append(first, rows)
-    if rows <= ROWS_AT_ONCE:
-        yield starts
-        return
-    cuts = np.searchsorted(starts, np.arange(0, rows, ROWS_AT_ONCE))
-    for begin, end in pairwise((*cuts.tolist(), len(first))):
-        if begin < end:
-            yield starts[begin : end + 1]
 
 
 def _slices(count: int, each: int = 1) -> Iterator[slice]:

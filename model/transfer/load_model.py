@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import fields, replace
 from inspect import signature
 from operator import attrgetter
@@ -96,6 +96,8 @@ class LoadModel(SteppedModel):
     (8, 12.879)
     """
 
+    _fixed: Collection[str] = ()  # names of what cannot be set, once it is
+
     def __init__(
         self,
         scene: Scene,
@@ -151,6 +153,7 @@ class LoadModel(SteppedModel):
         self.transfer = transfer = self.course.transfer
         self.threshold, self.accumulate = transfer.rule.threshold, transfer.rule.accumulate
         self.cross_section = transfer.cross_section  # A (m²), over which an own share is spread
+        self._fixed = {"threshold", "accumulate", *self.parameters}
         self.reset()
 
     def __getattr__(self, name: str) -> Any:
@@ -162,8 +165,7 @@ class LoadModel(SteppedModel):
 
     def __setattr__(self, name: str, value: object) -> None:
         """Refuse to change what the engine was made with."""
-        set_already = name in ("threshold", "accumulate") and name in vars(self)
-        if set_already or name in vars(self).get("parameters", ()):
+        if name in self._fixed:
             told = f"a model keeps the {name} that it was made with; make another:"
             raise ParameterError(f"{name}: {told} {type(self).__name__}(scene, {name}={value!r})")
         super().__setattr__(name, value)

@@ -44,11 +44,11 @@ class BoundaryAgent(PlacedAgent):
         back = self.give_back(load, arm)
         if back is not None and engine.own_boundaries:
             back = engine.guard.checked_return(self, load, back)
-        given = 0.0 if back is None else back.total
-        self.taken[load.direction] += load.total
+        came, given = load.total, 0.0 if back is None else back.total
+        self.taken[load.direction] += came
         self.passed[engine.opposite[arm]] += given
         self.returned += given
-        self.kept += load.total - given
+        self.kept += came - given
         return back
 
     def give_back(self, load: Load, arm: int) -> Load | None:

@@ -148,17 +148,17 @@ class MaterialAgent(PlacedAgent):
         if not self.inbox:
             return
         engine, squeezed, loads = self.engine, self.squeezed, self.waiting()
-        engine.acts.append((engine.generation, self, self.inbox))
-        self.inbox = {}
+        engine.note_taken(self, loads)
+        self.inbox, axis_of = {}, engine.axis_of
         for load in loads:
             before = self.kept
             self.take(load)
-            plain = type(self.kept) is float and 0.0 <= self.kept < inf  # seen at once
-            if not plain and not (is_number(self.kept) and self.kept >= 0.0):
-                what = f"has kept {brief(self.kept)} N; kept must be a number from 0 upwards"
+            kept = self.kept
+            plain = type(kept) is float and 0.0 <= kept < inf  # seen at once
+            if not plain and not (is_number(kept) and kept >= 0.0):
+                what = f"has kept {brief(kept)} N; kept must be a number from 0 upwards"
                 raise engine.guard.wrong(self, "take", what)
-            kept = self.kept - before
-            squeezed[engine.axis_of[load[0]]] += kept if load[3] == "push" else -kept
+            squeezed[axis_of[load[0]]] += kept - before if load[3] == "push" else before - kept
             if self.pass_on(load) is not None:  # type: ignore[func-returns-value]
                 what = "must return nothing: rows of shares are what emissions(load) returns"
                 raise engine.guard.wrong(self, "pass_on", what)
@@ -211,8 +211,7 @@ class MaterialAgent(PlacedAgent):
             box[key] += count * copies
             if box.agent is None:
                 box.senders.append((self, key))
-        for size in ended:
-            self.dropped += size * copies
+        self.dropped += ended * copies
 
     def shortening(self, axis: int) -> float:
         """Return by which part of its length the cell is shortened along an axis (1)."""

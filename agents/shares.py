@@ -56,9 +56,9 @@ class Emission(NamedTuple):
     sense: Sense = "push"
 
 
-Split = tuple[list[tuple[int, tuple[int, float, Sense], float, float]], list[float]]
+Split = tuple[list[tuple[int, tuple[int, float, Sense], float, float]], float]
 """Emissions of a load that go on: arm, (direction, magnitude, sense) as boxes have it, size (N) and
-copies; and those that end here (N)."""
+copies; and the sum of those that end here (N)."""
 
 
 class Emissions(tuple[Emission, ...]):

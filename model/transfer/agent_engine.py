@@ -30,7 +30,7 @@ from kaju._mesa import (
     OrthogonalVonNeumannGrid,
 )
 from kaju.agents.boundary_agent import BOUNDARIES, BoundaryAgent
-from kaju.agents.material_agent import LoadBox, MaterialAgent, PlacedAgent
+from kaju.agents.material_agent import Amounts, LoadBox, MaterialAgent, PlacedAgent
 from kaju.agents.own_agents import OwnAgents
 from kaju.agents.parameter import State, declared
 from kaju.agents.shares import Emission, Emissions, Load, Sense, Shares, Split
@@ -118,7 +118,8 @@ class AgentEngine:
         self.called: list[LoadBox] = []
         self.generation = 0
         self.waiting: list[MaterialAgent] = []
-        self.acts: list[tuple[int, MaterialAgent, dict[tuple[int, float, Sense], float]]] = []
+        # Who took how much, by state: generation, agent, loads (N).
+        self.acts: list[tuple[int, MaterialAgent, dict[int, float]]] = []
         self.record: list[tuple[Ints, Ints, Ints, Floats]] = []  # generation, place, state, load
         self.known: dict[str, dict[MaterialAgent, float]] = {name: {} for name in self.states}
         self.changes: dict[str, list[tuple[int, int, float]]] = {name: [] for name in self.states}
@@ -172,7 +173,7 @@ class AgentEngine:
     def _open_boxes(self) -> None:
         """Let loads that have come to cells wait there to be taken; agents wake where they come."""
         called, self.called[:] = [box for box in self.called if box.kind >= 0], []
-        self.pending, self.most_at_one = 0.0, 0
+        pending, self.most_at_one = 0.0, 0
         for box in called:
             loads = self._judged(box) if self.accumulate else dict(box)
             box.clear()
@@ -180,7 +181,7 @@ class AgentEngine:
                 box.senders.clear()
                 continue
             for (_, magnitude, _), copies in loads.items():
-                self.pending += magnitude * copies
+                pending += magnitude * copies
             agent = self._wake(box, loads) if box.agent is None else box.agent
             if agent.inbox:  # left by an order of your own
                 for load, copies in loads.items():
@@ -188,7 +189,7 @@ class AgentEngine:
             else:
                 agent.inbox = loads
             self.most_at_one = max(self.most_at_one, len(agent.inbox))
-        self.awake = len(self.agents)  # material agents
+        self.pending, self.awake = pending, len(self.agents)  # material agents
 
     def _judged(self, box: LoadBox) -> dict[tuple[int, float, Sense], float]:
         """Return the loads of a box that were added up to more than γ; the others end."""
@@ -274,7 +275,7 @@ class AgentEngine:
     def split(self, agent: MaterialAgent, emissions: Iterable[Emission], magnitude: float) -> Split:
         """Part the emissions of a load of a magnitude (N): those that go on, those that end."""
         sent: list[tuple[int, tuple[int, float, Sense], float, float]] = []
-        ended: list[float] = []
+        ended = 0.0
         checked = isinstance(emissions, Emissions)
         for arm, direction, share, sense in (
             emissions if checked else self.guard.emissions(agent, emissions)
@@ -283,7 +284,7 @@ class AgentEngine:
             if not 0.0 <= size < inf:
                 raise self.guard.wrong(agent, "pass_on", f"would hand over {size} N")
             if not size > self.least:
-                ended.append(size)
+                ended += size
             elif self.accumulate:
                 sent.append((arm, (direction, 1.0, sense), size, size))
             else:
@@ -335,6 +336,13 @@ class AgentEngine:
 
     # What has happened.
 
+    def note_taken(self, agent: MaterialAgent, loads: Iterable[Load]) -> None:
+        """Note which loads an agent takes in this generation."""
+        taken, pulls = Amounts(), len(self.opposite)
+        for direction, magnitude, copies, sense in loads:
+            taken[direction if sense == "push" else direction + pulls] += magnitude * copies
+        self.acts.append((self.generation, agent, taken))
+
     def _note_states(self) -> None:
         """Note what agents of your own know now, where it has changed."""
         for name, state in self.states.items():
@@ -350,24 +358,17 @@ class AgentEngine:
                 changes.append((self.generation, number, float(value)))
 
     def _settle(self) -> None:
-        """Add up what was taken by generation, place and state."""
+        """Lay out what was taken by generation, place and state."""
         acts, self.acts = self.acts, []
         if not acts:
             return
-        boxes = [act[2] for act in acts]
-        count = np.fromiter(map(len, boxes), np.int64, len(boxes))
-        copies = np.fromiter(chain.from_iterable(map(dict.values, boxes)), float)
-        directions, magnitudes, senses = zip(*chain.from_iterable(boxes), strict=True)
-        direction, magnitude = np.array(directions, dtype=np.int64), np.array(magnitudes)
-        pull = np.array([sense == "pull" for sense in senses])
-        acted = np.array([(act[0], act[1]._key) for act in acts], dtype=np.int64)
-        rows = np.vstack([np.repeat(acted, count, axis=0).T, direction + pull * len(self.opposite)])
-        order = np.lexsort((magnitude, *rows[::-1]))
-        rows = rows[:, order]
-        new = (np.diff(rows, prepend=-1) != 0).any(axis=0)
-        # Added one after another, from the smallest on: the sums of a plain loop.
-        load = np.asarray(np.bincount(np.cumsum(new) - 1, (magnitude * copies)[order]), float)
-        self.record.append((*rows[:, new], load))
+        sums = [taken for _, _, taken in acts]
+        acted = np.array([(when, agent._key) for when, agent, _ in acts], dtype=np.int64)
+        state = np.fromiter(chain.from_iterable(sums), np.int64)
+        load = np.fromiter(chain.from_iterable(map(dict.values, sums)), float)
+        rows = np.vstack([np.repeat(acted, list(map(len, sums)), axis=0).T, state])
+        order = np.lexsort(rows[::-1])
+        self.record.append((*rows[:, order], load[order]))
 
     @property
     def ended(self) -> float:

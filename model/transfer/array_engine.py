@@ -65,6 +65,7 @@ class ArrayEngine:
         self.transfer, self.scene, self.lattice = transfer, transfer.scene, transfer.lattice
         self.accumulate, self.threshold = transfer.rule.accumulate, transfer.rule.threshold
         self.states, self.directions = transfer.states, transfer.lattice.directions
+        self.opposite, self.bits = self.lattice.opposite, 1 << np.arange(self.directions)
         # The rule's tables: a row for each emission, a column for each material, form and state.
         arm, state, share = transfer.tables
         most = share.shape[2]
@@ -101,7 +102,6 @@ class ArrayEngine:
         self._look_round(cells)
         place = self.find(self.lattice.key(cells)) * self.states + state
         self.sent: list[tuple[Ints, Ints]] = []
-        self.waiting = Waits(place, number, copies, copies)
         self._arrive([(place * (len(self.values) + 1) + number, copies)])
 
     def _clear(self) -> None:
@@ -122,10 +122,9 @@ class ArrayEngine:
         self.wall = np.zeros((2, 0), dtype=np.int64)  # cell and arm
         self.home = np.zeros(0, dtype=np.int64)  # the places where they give back
         self.applied = self.taken = self.passed = self.returned = self.ended = 0.0
-        self.record: list[
-            tuple[int, NDArray[np.int32], Floats]
-        ] = []  # generation, place, load taken
-        self.given_back: list[tuple[int, Ints, Floats]] = []  # generation, place of `home`, load
+        # Loads taken and given back: generation, place, and load there.
+        self.record: list[tuple[int, NDArray[np.int32], Floats]] = []
+        self.given_back: list[tuple[int, Ints, Floats]] = []
         self.waiting = NOTHING
 
     # One generation: begin, agents act, end.
@@ -175,11 +174,11 @@ class ArrayEngine:
         """Book what is done with loads; yield where their shares come, and how many copies."""
         self.sent, count = [], len(self.values) + 1
         for part in self._parts(rows.place):
-            place, number, copies, load = (column[part] for column in rows)
+            place, copies = rows.place[part], rows.copies[part]
             cell = place // self.states
             column = self.shift.take(cell) + place
-            kind = column * len(values) + number
-            self._book(place, load, kind, copies, sent.books)
+            kind = column * len(values) + rows.number[part]
+            self._book(place, rows.load[part], kind, copies, sent.books)
             arm = self.arm.take(column, axis=1)
             arm += cell * self.directions
             over = self.over.take(arm)
@@ -194,9 +193,10 @@ class ArrayEngine:
 
     def _parts(self, place: Ints) -> Iterator[slice]:
         """Yield slices of so many rows at once; those of one agent stay together."""
-        ends = place[ROWS_AT_ONCE::ROWS_AT_ONCE] // self.states * self.states
-        cuts = 0, *np.searchsorted(place, ends).tolist(), len(place)
-        return (slice(begin, end) for begin, end in pairwise(cuts) if begin < end)
+        later = place[ROWS_AT_ONCE::ROWS_AT_ONCE]
+        cuts = [int(place.searchsorted(each - each % self.states)) for each in later]
+        ends = pairwise((0, *cuts, len(place)))
+        return (slice(begin, end) for begin, end in ends if begin < end)
 
     def _book(self, place: Ints, load: Floats, kind: Ints, copies: Floats, books: Floats) -> None:
         """Book what agents take, pass on and drop."""
@@ -209,7 +209,8 @@ class ArrayEngine:
         done = books.take(kind, axis=1)
         done *= copies
         done = np.add.reduceat(done, first[agent], axis=1)
-        self.books[cell[agent]] += done.T
+        cell = cell[agent]
+        self.books[cell] = self.books.take(cell, axis=0) + done.T
         self.ended += float(done[-1].sum())
 
     def _arrive(self, came: Iterable[tuple[Ints, Floats]]) -> None:
@@ -219,10 +220,10 @@ class ArrayEngine:
             above = copies > self.threshold
             self.ended += float(copies[~above].sum())
             place, number, copies = place[above], number[above], copies[above]
-        elif 8 * len(self.values) > len(place):  # some may not occur
+        elif len(self.values) > max(64, len(place) // 8):  # some may not occur
             used = np.bincount(number, minlength=len(self.values)) > 0
             self.values, number = self.values[used], (np.cumsum(used) - 1)[number]
-        load = copies if self.accumulate else self.values.take(number) * copies
+        load = self.values.take(number) * copies
         self.waiting = Waits(place, number, copies, load)
         self.pending = float(load.sum())
         cell = place // self.states
@@ -279,10 +280,11 @@ class ArrayEngine:
         """Wake agents in cells, in which loads wait at `place`; they look round."""
         self.spawn_step[cell] = self.generation + 1
         self.awake += len(cell)
-        if (self.over[cell] == 0).any():
+        over, back = self.over.take(cell, axis=0), self.opposite
+        if not over.all():
             self._look_round(self.lattice.cells(self.key[cell]))
-        # Boundaries, below 0, wake nobody; nor does cell 0.
-        beside, back = np.maximum(self.over[cell] // self.states, 0), self.lattice.opposite
+            over = self.over.take(cell, axis=0)
+        beside = np.maximum(over, 0) // self.states  # a boundary wakes nobody, nor does cell 0
         if self.accumulate:  # loads that met may have ended
             alive = np.zeros(2 * (self.took.size + len(self.home)), dtype=np.bool_)
             alive[2 * place] = True
@@ -292,7 +294,7 @@ class ArrayEngine:
             brought = handed.reshape(self.over.shape)[beside, back]
         else:  # whoever handed over a load before had woken the agent then
             brought = self.books[beside, back] > 0.0
-        self.woken_by[cell] = brought @ (1 << np.arange(self.directions))
+        self.woken_by[cell] = brought @ self.bits
 
     # What is where.
 
@@ -346,7 +348,7 @@ class ArrayEngine:
         turned = self.transfer.turned[kind, over_arm] + at[:, None] * self.states
         over[wall] = -(len(self.home) + self.states * np.arange(1, 1 + len(wall)))
         self.home = np.append(turned[::-1], self.home)
-        self.wall = np.append([at[::-1], over_arm[::-1]], self.wall, axis=1)
+        self.wall = np.append(np.array([at, over_arm])[:, ::-1], self.wall, axis=1)
         self.over[cell, arm] = over
 
     def _beside(self, cell: Ints, arm: Ints) -> Ints:
@@ -384,8 +386,8 @@ class ArrayEngine:
         wall, state = np.divmod(np.concatenate(places), self.states)
         back = self._beside(*self.wall[:, wall])
         key, first, number = np.unique(back, return_index=True, return_inverse=True)
-        arrived = np.zeros((len(key), d))
-        np.add.at(arrived, (number, state % d), np.concatenate(loads))
+        came = np.bincount(number * d + state % d, np.concatenate(loads), len(key) * d)
+        arrived = np.asarray(came, float).reshape(-1, d)
         # A load handed over in g is taken again in g + 1.
         step = np.repeat(when, list(map(len, places)))[first] + 1
         by_step = np.lexsort((key, step))
@@ -459,6 +461,7 @@ def _longer(table: Any, rows: int) -> Any:
 
 def _firsts(rising: Ints | Floats) -> Ints:
     """Return where each new number begins."""
-    begins = np.ones(len(rising), dtype=np.bool_)
+    begins = np.empty(len(rising), dtype=np.bool_)
+    begins[:1] = True
     np.not_equal(rising[1:], rising[:-1], out=begins[1:])
     return begins.nonzero()[0]

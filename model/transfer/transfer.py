@@ -96,7 +96,7 @@ class Transfer:
         """Return what a load sends out of an agent with these shares."""
         way = self.lattice.way(self.heading(direction, sense), form)
         sent = shares.emissions(direction, sense, way, self._opposite)
-        return sent if self.rule.sense else tuple(e._replace(sense="push") for e in sent)
+        return sent if self.rule.sense else tuple(Emission(*e[:3]) for e in sent)
 
     @cached_property
     def tables(self) -> RuleTables:

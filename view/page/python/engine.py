@@ -170,9 +170,8 @@ def generation():
     engine.end()
     every, axes = range(engine.lattice.directions), range(len(engine.lattice.along))
     taken, done = [], []
-    for _, agent, inbox in engine.acts:
-        for (d, size, sense), copies in inbox.items():
-            taken.append([agent._key, d + len(every) * (sense == "pull"), size * copies])
+    for _, agent, loads in engine.acts:
+        taken += [[agent._key, state, load] for state, load in loads.items()]
         done.append([
             agent._key, agent.dropped, *[agent.passed[arm] for arm in every],
             *[agent.squeezed[axis] for axis in axes], *[engine.guard.shortening(agent, axis) for axis in axes], agent.shares.widening,

@@ -6,16 +6,16 @@ how far it is from the body and the loads that were described.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from itertools import product
 from math import isfinite
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from kaju.arrays import Flags, Floats, first_largest
 from kaju.errors import SingularPlaceError
-from kaju.model.elastic.goals.quantities import AskedFor, Stress, quantities_of
+from kaju.model.elastic.goals.quantities import Quantity, Stress
 from kaju.model.elastic.pair.answer import PairAgents
 from kaju.model.results.mesh import corner_order
 from kaju.model.scene import Scene
@@ -26,7 +26,6 @@ from kaju.model.scene.shapes import Box
 from .corners import singular_at
 
 if TYPE_CHECKING:
-    from kaju.model.scene.description import LoadTable
     from kaju.model.scene.selection import Selection
 
     from .elastic_result import ElasticResult
@@ -36,17 +35,10 @@ STEPPED = 0.2
 and Cook's membrane the truth was 0.4 to 1.9 times this (tests/elasticity/test_caveats.py)."""
 
 
-class Caveat(NamedTuple):
-    """What is approximate, in a few words for pictures, and in full."""
-
-    brief: str
-    full: str
-
-
-def refuse_singular(scene: Scene, goal: AskedFor, name: str = "goal") -> None:
+def refuse_singular(scene: Scene, goals: Iterable[Quantity], name: str = "goal") -> None:
     """Refuse to look for a stress at a point where it has no limit."""
     h = scene.lattice.cell_size
-    for quantity in quantities_of(goal):
+    for quantity in goals:
         if not isinstance(quantity, Stress) or not isinstance(quantity.at, tuple):
             continue
         point = np.asarray(quantity.at)
@@ -96,9 +88,19 @@ def no_limit(result: ElasticResult, agent: int) -> str:
     return next(filter(None, (singular_at(result.scene, end) for end in ends)), "")
 
 
-def caveats_of(result: ElasticResult) -> tuple[Caveat, ...]:
-    """Return what is not proved of an answer, or approximate beside the error it estimates."""
+def caveats_of(result: ElasticResult) -> tuple[str, ...]:
+    """Return what is approximate of an answer: in a few words, for pictures, a colon, and why."""
     return (*_of_error(result), *_of_loads(result.grid), *_of_outlines(result))
+
+
+def unproved(result: ElasticResult) -> tuple[str, ...]:
+    """Return what an answer with a tolerance does not prove; pictures do not tell."""
+    if result.tolerance is None:
+        return ()
+    if result.goals:
+        return tuple(filter(None, (goal.doubt(result.tolerance) for goal in result.goals)))
+    why = result.no_bound
+    return (f"the error is estimated, not proved: {why}",) if why else ()
 
 
 MISSED = {
@@ -113,9 +115,9 @@ MISSED = {
 """Who leaves an error above the tolerance, by why agents stopped."""
 
 
-def _of_error(result: ElasticResult) -> Iterator[Caveat]:
-    """Say what is missed of a tolerance or not proved; without one, that an error is large."""
-    found, error, tolerance = result.found, result.error_estimate, result.tolerance
+def _of_error(result: ElasticResult) -> Iterator[str]:
+    """Say why a tolerance is missed; without one, what to do about a large error."""
+    found, error = result.found, result.error_estimate
     if isinstance(found, PairAgents) and result.tolerance_kept == "missed":
         why, agent = found.stopped, first_largest(result.gap)
         reason = no_limit(result, agent)
@@ -125,37 +127,45 @@ def _of_error(result: ElasticResult) -> Iterator[Caveat]:
             why, hint = "resolution", "a larger resolution allows smaller ones"
         proved = not (found.no_bound or any(goal.no_bound for goal in found.goals))
         of = f"{'a proved' if proved else 'an estimated'} error of {result.goal_error:.2g}"
-        said = f"{MISSED[why]} {of}, above the tolerance of {tolerance:g}; {hint}"
-        yield Caveat(f"tolerance missed: error {result.goal_error:.2g}", said)
-    if tolerance is not None:  # pictures do not tell
-        yield from (Caveat("", said) for goal in result.goals if (said := goal.doubt(tolerance)))
-        if result.no_bound and not result.goals:
-            yield Caveat("", f"the error is estimated, not proved: {result.no_bound}")
-    elif not isfinite(error):
-        said = "sides that meet are moved apart: the energy has no limit as cells shrink"
-        yield Caveat("error not known", said)
+        limit = f"above the tolerance of {result.tolerance:g}"
+        yield f"tolerance missed: {MISSED[why]} {of}, {limit}; {hint}"
+    if result.tolerance is not None:
+        return
+    if not isfinite(error):
+        yield "error not known: sides that meet are moved apart, which takes endless energy"
     elif error > 0.1:  # a choice
         name, value = "tolerance", f"{0.5 * min(0.1, error):.2g}"
         if found.storage == "solid":  # no tolerance can be asked of these
             name, value = "resolution", f"{2 * result.subdivision}"
-        said = f"the error is about {error:.0%} in the energy norm; for a smaller one take "
-        said += f"{name}={value} (kaju solve FILE --{name} {value})"
-        yield Caveat(f"error about {error:.0%}", said)
+        told = f"take {name}={value} (kaju solve FILE --{name} {value})"
+        yield f"error about {error:.0%}: for a smaller one, in the energy norm, {told}"
 
 
-def _of_loads(grid: Scene) -> Iterator[Caveat]:
+def _of_loads(grid: Scene) -> Iterator[str]:
     """Say which loads do not act just where they are described, and how far off they are."""
+    h = grid.lattice.cell_size
     for number, (load, chosen) in enumerate(zip(grid.loads, grid.selections, strict=True)):
-        if off := _off_place(load, chosen, grid):
-            yield Caveat(f"loads.{number} spread by cells", f"loads.{number}: {off}")
+        inside = bool(np.all(chosen.direction < 0))
+        shaped = load.region is not None and load.region.box is None
         normal = np.unique(chosen.direction[chosen.direction >= 0]) // 2
         drag = load.force and len(normal) and np.delete(load.force, normal).any()
-        if drag and _ends_on_surface(grid, chosen):
-            said = "its force along the surface ends there, where stress grows without limit"
-            yield Caveat(f"loads.{number} ends", f"loads.{number}: {said} as cells shrink")
+        ends = not inside and (drag or shaped) and _ends_on_surface(grid, chosen)
+        if load.point is not None:
+            yield (
+                f"loads.{number} is spread over the {h:.3g} m of its cell: at a point it would "
+                "have infinite energy; smaller cells make it sharper"
+            )
+        elif (shaped and ends) or (inside and (shaped or chosen.part is not None)):
+            edge = 0.5 * h if shaped else h
+            yield (
+                f"loads.{number} takes whole {'cells' if inside else 'faces'}: the edge of its "
+                f"region moves by up to {edge:.3g} m; take smaller cells or a larger resolution"
+            )
+        if drag and ends:
+            yield f"loads.{number} ends along the surface: there stress grows without limit"
 
 
-def _of_outlines(result: ElasticResult) -> Iterator[Caveat]:
+def _of_outlines(result: ElasticResult) -> Iterator[str]:
     """Say what steps of cells change of the body described, and where it has sharp corners."""
     h, corners = result.grid.lattice.cell_size, result.sharp_corners
     near = near_steps(result.grid, result.middle)
@@ -164,37 +174,16 @@ def _of_outlines(result: ElasticResult) -> Iterator[Caveat]:
         density = np.einsum("nij,nij->n", result.stress, result.strain)
         energy = density * result.size**result.scene.lattice.dimension
         share = STEPPED * float(energy[near].sum() / (energy.sum() or 1.0))
-        said = (
-            f"round and slanted outlines are steps of {h:.3g} m: proofs hold for this stepped "
-            "body, whose energy differs from that of the body described by an estimated "
+        yield (
+            f"outlines are steps of {h:.3g} m: proofs hold for this stepped body, whose energy "
+            "differs from that of the body described, round or slanted, by an estimated "
             f"{100 * share:.1g} %, and whose stress at the steps grows with smaller agents; a "
             'region with outline = "true" has no steps'
         )
-        yield Caveat(f"outlines are steps of {h:.3g} m", said)
     if many := len(corners):
         at, more = "corners" if many > 1 else "corner", f" and {many - 3} more" * (many > 3)
         places = ", ".join(map(_point, corners[:3].tolist()))
-        said = f"with smaller cells the stress grows without limit at the {at} {places} m{more}"
-        yield Caveat(f"no limit of stress at {many} {at}", said)
-
-
-def _off_place(load: LoadTable, chosen: Selection, grid: Scene) -> str:
-    """Say how far a load on some cells is from what is described; nothing if it is not."""
-    h, inside = grid.lattice.cell_size, bool(np.all(chosen.direction < 0))
-    if load.point is not None:
-        return (
-            f"a force at a point would have infinite energy, so it is spread over the {h:.3g} m "
-            "of its cell; smaller cells make it sharper"
-        )
-    if load.region is not None and load.region.box is None:
-        edge = 0.5 * h if inside or _ends_on_surface(grid, chosen) else 0.0
-    else:
-        edge = h if inside and chosen.part is not None else 0.0
-    told = (
-        f"takes whole {'cells' if inside else 'faces'}, which moves the edge of its region by up "
-        f"to {edge:.3g} m; take smaller cells or a larger resolution"
-    )
-    return told if edge else ""
+        yield f"no limit of stress at {many} {at}: it grows with smaller cells at {places} m{more}"
 
 
 def _ends_on_surface(grid: Scene, chosen: Selection) -> bool:

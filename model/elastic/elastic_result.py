@@ -13,7 +13,7 @@ from kaju import __version__
 from kaju.arrays import Flags, Floats, Ints, first_largest
 from kaju.errors import KajuError, ResultError, suggestion
 from kaju.model.elastic.arguments import check_numbers
-from kaju.model.elastic.caveats import caveats_of, no_limit, refuse_singular
+from kaju.model.elastic.caveats import caveats_of, no_limit, refuse_singular, unproved
 from kaju.model.elastic.corners import sharp_corners
 from kaju.model.elastic.equal.cell_agents import CellAgents
 from kaju.model.elastic.equal.equal_arrays import EqualArrays
@@ -329,7 +329,7 @@ class ElasticResult(BodyResult):
     @property
     def notes(self) -> tuple[str, ...]:
         """What the solver decided, and the `caveats`."""
-        ours = (*self.found.solution.notes, *(one.full for one in self.caveats))
+        ours = *self.found.solution.notes, *self.caveats, *unproved(self)
         return tuple(dict.fromkeys((*ours, *self.scene.notes_on(self.max_displacement))))
 
     caveats = cached_property(caveats_of)
@@ -338,7 +338,7 @@ class ElasticResult(BodyResult):
     @property
     def caveats_in_brief(self) -> tuple[str, ...]:
         """The `caveats` in a few words each."""
-        return tuple(one.brief for one in self.caveats if one.brief)
+        return tuple(caveat.split(": ")[0] for caveat in self.caveats)
 
     @cached_property
     def largest_stress(self) -> LargestStress:
@@ -456,7 +456,7 @@ class ElasticResult(BodyResult):
                 )
             return self._hoop[name]
         if not self.scene.outlined:
-            refuse_singular(self.scene, asked, "value_of")
+            refuse_singular(self.scene, [asked], "value_of")
         return plain(unit_of(asked, self.found.scales) * goal_of(asked, self.grid).read(self.found))
 
     def cells(self, resolution: int | None = None) -> EqualArrays:

@@ -19,7 +19,6 @@ from kaju.model.elastic.uneven_loads import portions
 from kaju.model.scene import Scene
 from kaju.model.scene.lattice import check_boxes
 from kaju.model.scene.resolved_body import MIXED
-from kaju.model.scene.selection import Uneven
 
 ACROSS_LONGEST, ACROSS_SHORTEST = {2: 8, 3: 4}, 2
 """The first agents are at least this many along the body's longest and shortest side. Of 4, 8
@@ -132,9 +131,9 @@ class PosedBody:
         mean = np.stack([np.bincount(group, one, len(count)) for one in force.T], axis=1)
         unlike = np.abs(force - (mean / count[:, None])[group])
         wrong = (unlike > 1e-9 * np.abs(force).max(initial=0.0)).any(axis=1)
-        wrong |= ~touches | (count[group] != full) | (self._uneven_of[row] >= 0)
+        wrong |= ~touches | (count[group] != full) | ~self._even[row]
         unfit[leaf[wrong]] = True
-        if not len(self._uneven.row):
+        if self._even.all():
             return unfit
         # Loads that end within a side are approximated better by smaller leaves.
         *_, leaf, rest = self.forces(leaves)
@@ -174,11 +173,11 @@ class PosedBody:
         direction, size, d = self._direction[row], leaves.size[leaf] / self.cell, self.dimension
         # A cell's load is shared by the smaller leaves in it.
         share = np.minimum(size, 1.0) ** (d - (direction >= 0))
-        force, which = share[:, None] * self._force[row], self._uneven_of[row]
-        at = np.flatnonzero((which >= 0) & (size <= 1.0))
-        described = self._uneven.part[which[at]], self._uneven.growth[which[at]]
-        place, side = (offset[at] / self.cell, size[at]), direction[at]
-        force[at], moment, rest = portions(side, self._force[row[at]], *described, *place)
+        force = share[:, None] * self._force[row]
+        at = np.flatnonzero(~self._even[row] & (size <= 1.0))
+        side, load_of = direction[at], row[at]
+        described = self._force[load_of], self._part[load_of], self._growth[load_of]
+        force[at], moment, rest = portions(side, *described, offset[at] / self.cell, size[at])
         load, inside = np.zeros((len(leaves), 2 * d, d, d)), np.zeros((len(leaves), d))
         on = direction >= 0
         np.add.at(inside, leaf[~on], force[~on])
@@ -190,34 +189,32 @@ class PosedBody:
 
     def _collect_loads(self) -> None:
         """Sum the forces on the same face of a cell, in the order of their codes, and scale all."""
-        # Uneven ones stay apart: `_uneven_of` is the index of each in `_uneven`, -1 for others.
         scene, d = self.scene, self.dimension
         applied = scene.applied(self.stage)
-        # A number for every side, or middle (-1), of cells.
-        code = morton(applied.cells)
+        n, code = len(applied.cells), morton(applied.cells)
+        # A number for every side, or middle (-1), of cells; each uneven force has its own.
         keys = code * (2 * d + 1) + applied.direction + 1
-        nothing = Uneven(np.zeros(0, dtype=np.int64), np.zeros((0, 2, d)), np.zeros((0, d, d)))
-        self._uneven = applied.uneven or nothing
-        keys[self._uneven.row] = -2 - np.arange(len(self._uneven.row))
-        keys, first, inverse = np.unique(keys, return_index=True, return_inverse=True)
+        part = np.tile(np.array([[0.0], [1.0]]), (n, 1, d))
+        even, growth = np.ones(n, dtype=np.bool_), np.zeros((n, d, d))
+        if applied.uneven is not None:
+            row, part[row], growth[row] = applied.uneven
+            even[row], keys[row] = False, -1 - np.arange(len(row))
+        _, first, inverse = np.unique(keys, return_index=True, return_inverse=True)
         force = np.zeros((len(first), d))
         np.add.at(force, inverse, applied.force)
         order = np.argsort(code[first], kind="stable")
-        first, self._force = first[order], force[order]
-        self._uneven_of = np.maximum(-2 - keys[order], -1)
+        first, force = first[order], force[order]
         self._code = code[first] * self.cell**d
         self.loaded, self._direction = applied.cells[first], applied.direction[first]
         # For the units see `kaju.model.elastic.equal.problem`.
         modulus = float(constants_of(scene)[:, 0].max())
         sides = map(scene.side_condition, scene.lattice.sides)
-        self.scales = Scales.of_cells(scene, modulus, self._force, sides)
-        self._force /= self.scales.force
-        self._uneven = self._uneven._replace(growth=self._uneven.growth / self.scales.force)
+        self.scales = Scales.of_cells(scene, modulus, force, sides)
+        self._force, self._growth = force / self.scales.force, growth[first] / self.scales.force
+        self._part, self._even = part[first], even[first]
         # Square root of about the energy of the loads, each spread over the width it covers.
-        share, uneven = np.ones(len(self._force)), self._uneven_of >= 0
-        part = self._uneven.part
-        share[uneven] = (part[:, 1] - part[:, 0]).prod(axis=1)[self._uneven_of[uneven]]
+        share = (self._part[:, 1] - self._part[:, 0]).prod(axis=1)
         wide = float(share.sum()) ** (1.0 / (self.dimension - 1))
         square = wide * ((self._force**2).sum(axis=1) / share).sum()
-        self._strength = float(np.sqrt(square / max(len(part), 1)))
+        self._strength = float(np.sqrt(square / max((~even).sum(), 1)))
         self.moduli = scene_moduli(scene, modulus)

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from kaju.arrays import Floats
 from kaju.errors import ConvergenceError, ParameterError, require
 from kaju.model.elastic.arguments import SMALLEST, TOLERANCE, check_numbers
+from kaju.model.elastic.caveats import refuse_singular
 from kaju.model.elastic.elastic_result import ElasticResult
 from kaju.model.elastic.equal.cell_agents import CellAgents
 from kaju.model.elastic.equal.grid import grid_of
@@ -73,7 +74,9 @@ def spawner_of(
                 'tolerance asks; leave them out, or take regions with outline = "cells"'
             )
         return CutLoop(OutlinedBody(scene), tolerance, most_agents, peak_asked(scene, goal))
-    return PairLoop(PosedBody(scene, stage, resolution), tolerance, most_agents, asked(goal))
+    quantities = asked(goal)
+    refuse_singular(scene, quantities)
+    return PairLoop(PosedBody(scene, stage, resolution), tolerance, most_agents, quantities)
 
 
 def solve_cells(

@@ -14,7 +14,6 @@ from kaju.model.elastic.goals.quantities import AskedFor
 from kaju.model.elastic.pair.history import Family
 from kaju.model.elastic.pair.leaves import LeafCells
 from kaju.model.elastic.solve import spawner_of
-from kaju.model.outline.posed_outlines import OutlinedBody
 from kaju.model.scene import scene_needed
 from kaju.model.stepped_model import SteppedModel
 from kaju.stepping import Until, step_to_end
@@ -101,20 +100,17 @@ class SpawningModel(SteppedModel):
         asked = self.resolution, self.stage, self.goal, self.most_agents
         self.spawner = spawner_of(self.scene, self.tolerance, *asked)
         self.ground, self.most_agents = self.spawner.body, self.spawner.most_agents
-        self._begin(self.spawner.leaves)
+        self._grow(self.spawner.leaves, first=True)
         self.seconds = perf_counter() - began
 
-    def _begin(self, leaves: LeafCells) -> None:
-        """Let these be the first agents."""
-        for agent in self._objects:
-            agent.remove()
-        self._objects, self._kinds = [], np.empty(0, dtype=np.int64)
-        metre = self.ground.scene.lattice.cell_size / self.ground.cell
-        self.family = Family(self.ground.dimension, metre)
-        self._grow(leaves)
-
-    def _grow(self, leaves: LeafCells) -> None:
-        """Add the agents of a generation, and note their materials."""
+    def _grow(self, leaves: LeafCells, first: bool = False) -> None:
+        """Add the agents of a generation, or let these be the first ones; note their materials."""
+        if first:
+            for agent in self._objects:
+                agent.remove()
+            self._objects, self._kinds = [], np.empty(0, dtype=np.int64)
+            metre = self.ground.scene.lattice.cell_size / self.ground.cell
+            self.family = Family(self.ground.dimension, metre)
         self.family.grow(leaves.code, leaves.size)
         fresh = len(self.family) - len(self._kinds)
         self._kinds = np.append(self._kinds, np.full(fresh, -1))
@@ -125,10 +121,9 @@ class SpawningModel(SteppedModel):
         began = perf_counter()
         self.spawner.step()
         leaves, last = self.spawner.last.leaves, self.spawner.generations[-1]
-        if self.generation > 1:
-            self._grow(leaves)
-        elif isinstance(self.ground, OutlinedBody):  # only now it is known what they hold
-            self._begin(leaves)
+        # Within outlines it is known after the first step only what the first agents hold.
+        if self.generation > 1 or self.scene.outlined:
+            self._grow(leaves, first=self.generation == 1)
         self.family.settle(last.gap, last.chosen)
         self.running = not self.spawner.finished
         self.seconds += perf_counter() - began
@@ -159,18 +154,24 @@ class SpawningModel(SteppedModel):
 
     def _made(self) -> list[SpawningAgent]:
         """Return the objects of all rows; make those that are not there yet."""
-        start, family, materials = len(self._objects), self.family, self.scene.cell_materials
-        rows = {name: family.rows[name][start:].tolist() for name in ("spawn_step", "cause")}
-        rows |= {name: getattr(family, name)[start:].tolist() for name in ("level", "size")}
-        rows["lower"] = [tuple(corner) for corner in family.lower[start:].tolist()]
-        above, kinds = family.rows["parent"][start:].tolist(), self._kinds[start:].tolist()
-        for k, (row, kind) in enumerate(zip(above, kinds, strict=True)):
-            parent = self._objects[row] if row >= 0 else None
-            # one that never stood is as its parent is
-            material = parent.material if parent and kind < 0 else materials[kind]
-            born = {name: values[k] for name, values in rows.items()}
-            born |= {"row": start + k, "parent": parent, "material": material}
-            self._objects.append(SpawningAgent(self, **born))
+        family, materials = self.family, self.scene.cell_materials
+        level, size, lower = family.level, family.size, family.lower
+        for row in range(len(self._objects), len(family)):
+            own, kind = family.rows[row], self._kinds[row]
+            parent = self._objects[own["parent"]] if own["parent"] >= 0 else None
+            agent = SpawningAgent(
+                self,
+                row=row,
+                parent=parent,
+                level=int(level[row]),
+                lower=tuple(lower[row].tolist()),
+                size=float(size[row]),
+                # one that never stood is as its parent is
+                material=parent.material if parent and kind < 0 else materials[kind],
+                spawn_step=int(own["spawn_step"]),
+                cause=float(own["cause"]),
+            )
+            self._objects.append(agent)
         return self._objects
 
     @property
@@ -181,7 +182,7 @@ class SpawningModel(SteppedModel):
         result = self.result()
         if result.tolerance_kept != "missed":
             return f"within the tolerance of {self.tolerance:g} after {self.generation} steps"
-        return f"stopped after {self.generation} steps: {result.caveats[0].full}"
+        return f"stopped after {self.generation} steps: {result.caveats[0].partition(': ')[2]}"
 
     def arguments(self) -> tuple[dict[str, Any], dict[str, Any]]:
         """Return the model's plain arguments, and classes and functions of your own."""
@@ -191,11 +192,8 @@ class SpawningModel(SteppedModel):
 
     def figures(self) -> dict[str, float]:
         """Return what is noted after every step."""
-        return {
-            "generation": self.generation,
-            "agents": len(self.family.working),
-            "error": self.error,
-        }
+        agents = len(self.family.working)
+        return {"generation": self.generation, "agents": agents, "error": self.error}
 
     def run(self, until: Until | None = None) -> ElasticResult:
         """Step until the error is within the tolerance, or the run was stopped."""

@@ -136,7 +136,6 @@ def _solve_outlined(scene: Scene, given: dict[str, Any]) -> ElasticResult:
 
 def _solve_scene(scene: Scene, given: dict[str, Any]) -> ElasticResult:
     """Solve a scene by agents that spawn if there is a tolerance or a goal, else by its cells."""
-    from kaju.model.elastic.caveats import refuse_singular
     from kaju.model.elastic.elastic_result import ElasticResult
     from kaju.model.elastic.solve import solve_cells, solve_spawning
 
@@ -163,6 +162,4 @@ def _solve_scene(scene: Scene, given: dict[str, Any]) -> ElasticResult:
             "previous: agents that spawn always start anew; leave previous out, or leave "
             "tolerance and goal out (equal cells start from the previous answer)"
         )
-    if goal is not None:
-        refuse_singular(scene, goal)
     return solve_spawning(scene, tolerance, resolution, goal=goal, stage=stage)

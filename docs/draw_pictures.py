@@ -33,7 +33,7 @@ def main() -> None:
     """Write all pictures into docs/pictures."""
     folder = HERE / "pictures"
     folder.mkdir(exist_ok=True)
-    plate = kaju.LoadModel(kaju.load_scene(EXAMPLES / "plate.toml", {"rule.threshold": 1e-3})).run()
+    plate = kaju.LoadModel(kaju.load_scene(EXAMPLES / "plate.toml")).run()
     kaju.animate(plate, folder / "spawning.gif")
     rule = kaju.ElasticRule(threshold=0.02, order="multilevel")
     run = kaju.ElasticModel(kaju.load_scene(EXAMPLES / "plate.toml").replace(rule=rule)).run()

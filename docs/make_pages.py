@@ -98,14 +98,15 @@ def _page_field(
 
 
 def tolerance(kind: dict[str, Any], field: int, value: float) -> float:
-    """Return how far an answer may be from the true one: none if counted, 2 % if read."""
+    """Return how far off an answer may be: not at all if counted, else 2 % or two right digits."""
     if "tolerances" in kind:
         return float(kind["tolerances"][field])
     if "tolerance" in kind:
         return float(kind["tolerance"])
     if value == int(value):
         return 0.0
-    return 5e-4 if kind.get("exact") else max(float(f"{0.02 * abs(value):.2g}"), 0.005)
+    rounded = abs(float(f"{value:.2g}") - value) + 1e-6
+    return 5e-4 if kind.get("exact") else max(float(f"{0.02 * abs(value):.2g}"), 0.005, rounded)
 
 
 def make_lesson(of: Lesson, folder: Path) -> list[Path]:

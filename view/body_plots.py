@@ -42,7 +42,7 @@ def force_arrows(scene: Scene, applied: AppliedLoads, rows: Ints, most: int = 5)
     few = np.count_nonzero(face < 0) <= most
     bare = (face < 0) & (behind < 0) & few
     place = place - np.where(bare[:, None], 0.56 * lattice.cell_size * unit, 0.0)
-    places, sums, pulls = [], [], []
+    places, sums, pulls, wide = [], [], [], []
     alike = np.column_stack([face, np.rint(1e6 * unit)])
     for number in range(len(kinds := np.unique(alike, axis=0))):
         group = np.flatnonzero((alike == kinds[number]).all(axis=1))
@@ -57,11 +57,12 @@ def force_arrows(scene: Scene, applied: AppliedLoads, rows: Ints, most: int = 5)
                     middle = place[inside[np.linalg.norm(place[inside] - middle, axis=1).argmin()]]
                 places.append(middle)  # of faces in one plane, so that arrows stand evenly
                 sums.append(force[inside].sum(axis=0))
+                spread = np.ptp(place[inside], axis=0).max() + lattice.cell_size
+                wide.append(0.0 if along or face[one[0]] < 0 else spread)
                 pulls.append(outwards > 1e-9 or (face[one[0]] < 0 and not few))
     shape = (-1, lattice.dimension)
-    return Arrows(
-        np.reshape(places, shape), np.reshape(sums, shape), np.array(pulls, dtype=np.bool_)
-    )
+    arrows = np.reshape(places, shape), np.reshape(sums, shape), np.array(pulls, dtype=np.bool_)
+    return Arrows(*arrows, wide=np.array(wide))
 
 
 def _patches(places: Floats, cell_size: float) -> list[Ints]:

@@ -90,13 +90,14 @@ def fracture_curves(result: FractureResult) -> list[Curves]:
     force, way = (np.append(0.0, column) for column in (result.force, result.displacement))
     # What bears hardly anything any more moves so far that the rest would not be seen.
     loaded = 1 + np.flatnonzero(force >= 0.02 * force.max())[-1]
-    sizes = [0, *(k + 1 for size in result.avalanche_sizes for k in range(size))]
+    broken = [0, *(k + 1 for size in result.avalanche_sizes for k in range(size))]
+    size = {"size": np.array(broken, dtype=float)}
     energy = {n: np.append(0.0, getattr(result, n)) for n in ("work", "stored", "released")}
     over, course = ("break", "", np.arange(result.breaks + 1.0)), {"load": force[:loaded]}
     return [
         Curves("Load", *over, {"load": force}, "N"),
         Curves("Load over displacement", "displacement", "m", way[:loaded], course, "N"),
-        Curves("Breaks of the avalanche", *over, {"size": np.array(sizes, dtype=float)}, ""),
+        Curves("Breaks of the avalanche", *over, size, "", bars=True),
         Curves("Energy", *over, energy, "J"),
     ]
 
@@ -137,7 +138,10 @@ def draw_curves(ax: Axes, curves: Curves) -> None:
     for number, (name, values) in enumerate(curves.lines.items()):
         colour = INK if single else COLOURS[number % len(COLOURS)]
         dash = _DASHES[number % len(_DASHES)]
-        ax.plot(curves.at, values, lw=1.4, color=colour, ls=dash, label=name)
+        if curves.bars:
+            ax.bar(curves.at, values, 0.7, color=colour, label=name)
+        else:
+            ax.plot(curves.at, values, lw=1.4, color=colour, ls=dash, label=name)
     ends = [float(curves.at.min()), float(curves.at.max())]
     label_axis(ax.xaxis, curves.along, ends, curves.along_unit)
     called = next(iter(curves.lines)) if single else curves.title.lower()

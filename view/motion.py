@@ -30,6 +30,7 @@ from .charts import fracture_curves, growth_curves, network_curves
 from .deformed import Joined, join, stress_text
 from .fracture_plots import bearing
 from .quadtree import errors_of
+from .section import Arrows
 from .units import quantity
 
 if TYPE_CHECKING:
@@ -44,8 +45,6 @@ if TYPE_CHECKING:
 
 MOST_FRAMES = 120
 """Longer runs are shown in pages at so many of their moments."""
-Forces = Sequence[tuple[list[float], list[float]]]
-"""Places (m) and forces (N) of loads."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +65,7 @@ class Motion:
     gone: NDArray[np.integer] | None = None  # from when on it is no more; shape (parts,)
     curves: Sequence[Curves] = ()  # drawn beside it
     held: NDArray[np.integer] | None = None  # points that something holds
-    forces: Forces = ()
+    forces: Arrows | None = None
     shares: Floats | None = None  # which part of the forces acts in each frame, all of it if None
     visits: Sequence[int] = ()  # level that acted before each frame, where blocks have parents
     outcome: str = ""  # how the run ended, in words
@@ -80,11 +79,10 @@ def chosen_frames(count: int) -> Ints:
     return np.unique(np.linspace(0, count - 1, min(count, MOST_FRAMES)).round().astype(np.int64))
 
 
-def applied(scene: Scene, stage: int | None = None) -> Forces:
-    """Return the places and forces of a scene's loads, as few arrows."""
+def applied(scene: Scene, stage: int | None = None) -> Arrows:
+    """Return a scene's loads as few arrows."""
     applied = scene.applied(stage)
-    arrows = force_arrows(scene, applied, np.arange(len(applied.force)))
-    return list(zip(arrows.place.tolist(), arrows.force.tolist(), strict=True))
+    return force_arrows(scene, applied, np.arange(len(applied.force)))
 
 
 def _apart(corners: Floats) -> dict[str, Any]:
@@ -212,7 +210,9 @@ def _supports(network: SpringNetwork) -> dict[str, Any]:
     force = network.forces[-1]
     acting = np.flatnonzero(force.any(axis=1))
     return {
-        "forces": [*zip(network.positions[acting].tolist(), force[acting].tolist(), strict=True)],
+        "forces": Arrows(
+            network.positions[acting], force[acting], np.ones(len(acting), dtype=bool)
+        ),
         "held": np.flatnonzero(network.held.any(axis=1)),
     }
 
@@ -336,12 +336,11 @@ def _within_outlines(result: ElasticResult, shown: Motion) -> Motion:
     )
 
 
-def loads_of(result: ElasticResult) -> Forces:
-    """Return the places and forces of what acts on an elastic body, as few arrows."""
+def loads_of(result: ElasticResult) -> Arrows:
+    """Return what acts on an elastic body as few arrows."""
     if not isinstance(result.found, CutAgents):
         return applied(solved_scene(result))
-    place, force, _ = result.found.arrows()
-    return list(zip(place.tolist(), force.tolist(), strict=True))
+    return Arrows(*result.found.arrows())
 
 
 def _energies(result: ElasticResult) -> dict[str, Floats]:

@@ -63,11 +63,15 @@ def one_a_place(places: Ints, values: NDArray[Any], how: How) -> tuple[Ints, NDA
 
 
 class Arrows(NamedTuple):
-    """Where forces start (`pulls`) or end (m), and how large they are (N), shape (n, dimension)."""
+    """Where forces start (`pulls`) or end (m), and how large they are (N), shape (n, dimension).
+
+    `wide` is the length of the surface (m) over which each is spread, 0 where that is not known.
+    """
 
     place: Floats
     force: Floats
     pulls: NDArray[Any]
+    wide: Any = 0.0
 
 
 class TrueLines(NamedTuple):

@@ -34,6 +34,7 @@ class Curves:
     lines: Mapping[str, Floats]  # the quantities by name, shape (k,) each
     unit: str  # theirs, "" if they are numbers
     logarithmic: bool = False  # whether orders of magnitude are drawn; all are above 0 then
+    bars: bool = False  # whether each value is a count of its own, which no line joins to the next
 
 
 # Shares by which a ledger, energies, and forces may be off without a word in the notes.

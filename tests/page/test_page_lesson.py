@@ -108,6 +108,8 @@ def test_a_guess_is_laid_over_what_happens_and_kept(opened, lesson):
 def test_the_worksheet_is_paper_with_what_was_typed(opened, lesson, teacher):
     page = opened(lesson)
     tick_guess(page)
+    assert page.tab.get_by_role("textbox").count() == 0  # nothing surprises before it is seen
+    page.press("What happened")
     page.tab.get_by_role("textbox").fill("Mine")
     if teacher:
         page.tab.get_by_role("switch", name="Teacher").check()

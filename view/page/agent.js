@@ -120,6 +120,8 @@ export class Workshop {
     if (this.shown++ < PRINTED) this.printed += text;
     if (this.shown > MOST_PRINTED) { this.drop(); this.end({ error: this.page.t("atLine", { n: at, e: this.page.t("printed", { n: MOST_PRINTED }) }), line: at }); }
   }
+  /** The ready agent whose code nobody has changed. */
+  get asIs() { const one = this.ready[this.chosen]; return one?.code === this.code ? one : null; }
   /** What a class calls a number of it; of the ready ones in every language. */
   called(label) { return this.words[label] ?? label; }
   /** The page shows what came of it. */
@@ -157,7 +159,7 @@ export class Workshop {
     this.gutter ??= make("div", { className: "gutter", ariaHidden: "true" });
     this.number();
     const titles = Object.keys(this.ready), choose = choice(t("readyAgents"), this.chosen ?? "", [["", "–"], ...titles.map((n) => [n, page.say(this.ready[n].name)])], (n) => { if (n) { this.chosen = n; this.values = {}; page.goal = null; this.code = this.field.value = this.ready[n].code; this.run(); page.rebuild(); } });
-    const asks = this.ready[this.chosen] && this.ready[this.chosen].code === this.code ? [make("p", { className: "soft", textContent: page.say(this.ready[this.chosen].question) })] : [];
+    const asks = this.asIs ? [make("p", { className: "soft", textContent: page.say(this.asIs.question) })] : [];
     const bars = this.active ? this.parameters.map((p) => (typeof p.value === "boolean" ? tick(page.say(this.called(p.label)), p.value, (on) => this.turn(p, on))
       : slider(page.say(this.called(p.label)), { value: p.value, min: p.low, max: p.high, step: p.whole ? 1 : roundDown((p.high - p.low) / 500), show: (v) => general(v, 4), t }, (v) => this.turn(p, v)))) : [];
     const no = refused(this.code), lacks = no ? [no.word] : this.code === this.first ? this.needs : [];
@@ -165,7 +167,7 @@ export class Workshop {
     const out = this.out = make("p", { className: this.problem ? "verdict bad" : "verdict open", role: "status", textContent: words });
     const game = make("p", { className: "soft small", textContent: t("challengeIs", { a: general(this.applied(), 3), w: general(0.95 * this.applied(), 3) }) }), score = make("p", { className: "small", role: "status", textContent: this.challenge().filter(Boolean).join(" · ") });
     return [choose, ...asks, out, ...(this.problem ? [make("p", { className: "soft small", textContent: t("oldPicture") })] : []), ...bars, make("div", { className: "editor" }, this.gutter, this.field),
-      make("div", { className: "tools" }, button(`${t("runCode")} (Ctrl+Enter)`, () => { page.goal = null; this.run(); this.out.textContent = t("solving"); }, { className: "main" }), button(t("saveAgent"), () => this.save()), button(t("standardRule"), () => this.leave())),
+      make("div", { className: "tools" }, button(`${t("runCode")} (${/Mac|iP/.test(navigator.platform) ? "⌘ Enter" : t("runKeys")})`, () => { page.goal = null; this.run(); this.out.textContent = t("solving"); }, { className: "main" }), button(t("saveAgent"), () => this.save()), button(t("standardRule"), () => this.leave())),
       ...((page.lesson?.step ?? "try") === "try" ? [game, score] : []), ...(this.printed ? [make("pre", { className: "printed", tabIndex: 0, textContent: this.printed + (this.shown > PRINTED ? `… ${this.shown}` : "") })] : [])];
   }
   score() {

@@ -89,7 +89,7 @@ function whereCard(page) {
     areas.push(draw("polygon", { class: name, points: [...below.map((v, i) => `${X(i)},${Y(v)}`), ...from.map((v, i) => `${X(i)},${Y(v)}`).reverse()].join(" ") }));
   }
   const ticks = [...ticksOf(0, high, 2).map((v) => draw("text", { x: x - 4, y: Y(v) + 4, "text-anchor": "end" }, quantity(v, "N"))), ...ticksOf(0, rows.length - 1, 4).filter(Number.isInteger).map((i) => draw("text", { x: X(i), y: h - 4, "text-anchor": "middle" }, String(i)))];
-  const words = { way: "onItsWay", ended: "itEnded", ground: "toGround", made: now.made > 0 ? "madeBy" : "lostBy" }, list = parts(now).filter(([name, v]) => name !== "made" || Math.abs(v) > SAME * applied);
+  const words = { way: "onItsWay", ended: "itEnded", ground: "toGround", made: now.made > 0 ? "madeBy" : "lostBy" }, list = parts(now).filter(([name, v]) => name === "ground" || Math.abs(v) > SAME * applied);
   const { own, out } = page.deformable ? { own: run.transfer.shares[0].own, out: run.transfer.emitted[0] } : {}, kept = run.taken.value.subarray(0, run.taken.offset[g]).reduce((a, b) => a + b, 0) * own;
   return [make("h2", { textContent: t("whereWent", { n: quantity(applied, "N") }) }), make("p", { className: "small soft", textContent: t("overGenerations") }),
     draw("svg", { class: "chart where", viewBox: `0 0 ${w} ${h}`, role: "img", "aria-label": t("whereWent", { n: quantity(applied, "N") }) }, ...areas, draw("path", { class: "now", d: `M${X(g)} ${y}V${h - 20}` }), ...ticks),
@@ -129,7 +129,8 @@ MODES.push({
   draw(page) {
     const { canvas: { clientWidth: w, clientHeight: h }, t } = page, upright = loadAxis(page.scene).axis === 1, cuts = balanceOf(page), side = upright ? Math.min(0.44 * w, 300) : Math.min(0.34 * h, 200);
     const { rule, scale, small } = bothOf(page, "along");
-    page.drawBody({ x: upright ? 20 : 0, y: 0, w: w - (upright ? side + 20 : 0), h: h - (upright ? 0 : side) }, rule.map((v) => (v > small ? v : NaN)), scale);
+    const top = upright && w < 520 ? 34 : 0;     // for the words, which on a phone stand above the body
+    page.drawBody({ x: upright ? 20 : 0, y: top, w: w - (upright ? side + 20 : 0), h: h - (upright ? top : side) }, rule.map((v) => (v > small ? v : NaN)), scale);
     paintNumbers(page.view, page.inks);
     if (cuts.length) paintBars(page, page.view, cuts, upright ? { x: w - side + 20, w: side - 48, y: 0, h } : { x: 0, w, y: h - side + 24, h: side - 44 }, upright);
     const kept = cuts.every(({ carried, needed }) => Number.isNaN(needed) || Math.abs(carried - needed) <= 1e-9 * Math.abs(needed));

@@ -25,6 +25,7 @@ from kaju.model.transfer.transfer import Transfer
 from kaju.result_kinds import KINDS, fetch
 from kaju.view.body_plots import SUPPORTS
 from kaju.view.motion import Motion, chosen_frames
+from kaju.view.section import Arrows
 
 _SENSES = {PUSH: "push", PULL: "pull", BY_SIDE: "side", BY_SURFACE: "surface"}
 Columns = dict[str, NDArray[Any]]
@@ -280,7 +281,7 @@ def motion_data(result: Result) -> tuple[dict[str, Any], Columns]:
         "along": motion.along,
         "colours": {name: unit for name, (unit, _) in motion.values.items()},
         "curves": [_curve_data(curves) for curves in motion.curves],
-        "forces": [{"place": place, "force": force} for place, force in motion.forces],
+        "forces": _forces_data(motion.forces) if motion.forces else [],
         "shares": [] if motion.shares is None else np.round(motion.shares, 9).tolist(),
         "visits": list(motion.visits),
         "outcome": motion.outcome,
@@ -305,6 +306,12 @@ def _thinned(motion: Motion) -> Motion:
     return replace(motion, at=at, values=values, moved=moved, shares=shares)
 
 
+def _forces_data(arrows: Arrows) -> list[dict[str, Any]]:
+    wide = np.broadcast_to(arrows.wide, len(arrows.force))
+    rows = zip(arrows.place.tolist(), arrows.force.tolist(), wide.tolist(), strict=True)
+    return [{"place": place, "force": force, "wide": spread} for place, force, spread in rows]
+
+
 def _curve_data(curves: Curves) -> dict[str, Any]:
     return {
         "title": curves.title,
@@ -312,6 +319,7 @@ def _curve_data(curves: Curves) -> dict[str, Any]:
         "at": curves.at.tolist(),
         "lines": {name: line.tolist() for name, line in curves.lines.items()},
         "logarithmic": curves.logarithmic,
+        "bars": curves.bars,
         "axis": curves.along_unit if curves.along in ("displacement", "place") else "",
         "course": curves.along == "displacement",  # a point a moment, there and back
         "place": curves.along == "place",  # no moments at all

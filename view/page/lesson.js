@@ -2,7 +2,7 @@
 // and ticked is kept on this computer; the page shows no further than the question has got.
 import { button, draw, icon, inline, make, MODES, numberOf, rendered, segments, tick } from "./controls.js";
 import { paintCells, paintNumbers, paintPick, View } from "./paint.js";
-import { cardsBox, chartsCard, panelsOf, rulePanel, storyCard, tabList } from "./panels.js";
+import { cardsBox, panelsOf, rulePanel, storyCard, tabList } from "./panels.js";
 import { general, local, quantity } from "./words.js";
 
 export const STEPS = ["predict", "step", "explain", "try"];
@@ -34,7 +34,6 @@ export class Lesson {
   forget() { Object.assign(this, { answers: {}, guesses: {}, firsts: {}, done: [], shown: "guess" }); this.keep(); this.open(0); }
 
   get question() { return this.questions[this.at]; }
-  get said() { return ["question", "note", "hint"].map((part) => this.page.say(this.question?.[part]) ?? "").join(); }
   of(step) { return this.questions.filter((q) => q.step === step); }
   answered(q) { return q.kind === "number" ? q.fields.every((_, i) => this.answers[q.key]?.[i]?.trim()) : Boolean(this.answers[q.key]?.trim()); }
   /** The last generation that is open: none before a guess, then the question's, all where it is answered. */
@@ -260,7 +259,7 @@ function questionCards(lesson, q) {
   if (q.kind === "cells") list.push(...guessCards(lesson, q));
   lesson.saved = make("small", { className: `saved${lesson.keeps ? "" : " bad"}`, role: "status", textContent: lesson.told });
   if (q.kind === "number") list.push(make("div", { className: q.fields.length % 2 || q.fields.length > 6 ? "fields" : "fields pairs" }, ...q.fields.map((field, i) => numberCard(lesson, q, field, i))), ...(q.lines ? textCard(lesson, q, q.fields.length) : []), lesson.saved);
-  else list.push(...textCard(lesson, q), lesson.saved);
+  else list.push(...(q.kind === "cells" && lesson.shown === "guess" ? [] : textCard(lesson, q)), lesson.saved);   // nothing surprises before it is seen
   if (q.hint) list.push(make("details", { className: "card" }, make("summary", { textContent: t("hint") }), rendered(say(q.hint))));
   if (lesson.teacher && q.answer) list.push(make("div", { className: "card answer" }, make("h3", { textContent: t("answers") }), rendered(say(q.answer))));
   return list;
@@ -301,7 +300,7 @@ function guessCards(lesson, q) {
 function stepCards(page) {
   const { lesson, t, parts, touchable } = page, panels = panelsOf(page), fold = (word, list, open = false) => make("details", { className: "card", open }, make("summary", { textContent: word }), ...list);
   const about = panels.about ? [fold(t("about"), panels.about())] : [], look = fold(t("look"), panels.look()), cards = [cardsBox(page)], alone = page.mode?.alone && page.look.mode !== "guess";
-  const free = page.limit === Infinity, code = panels.code ? [fold(t("code"), panels.code(), true)] : [], story = alone ? [] : [storyCard(page)], charts = free ? [chartsCard(page)] : [];
+  const free = page.limit === Infinity, code = panels.code ? [fold(t("code"), panels.code(), true)] : [], story = alone ? [] : [storyCard(page)], charts = free ? [parts.charts] : [];
   if (lesson.step === "predict") return lesson.secret ? [] : [...about, ...cards];
   parts.presets = page.presets.map((preset) => button(page.nameOf(preset), () => { page.load(preset); page.seek(Math.min(lesson.question?.show?.generation ?? 0, lesson.limit)); }));
   const tries = touchable && page.presets.length > 1 ? [make("div", { className: "presets" }, ...page.presets.map((preset, n) => make("div", {}, parts.presets[n], ...(page.say(preset.note) ? [rendered(page.say(preset.note))] : []))))] : [];

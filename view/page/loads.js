@@ -38,14 +38,14 @@ export class Loads {
     }
     return found;
   }
-  ends(view, { cell, force, out }, length, aside = 0) {
+  ends(view, { cell, force, wide = 0, out }, length, aside = 0) {
     const size = Math.hypot(...force) || 1, unit = force.map((f) => f / size);
     const [dx, dy] = view.way(unit), [cx, cy] = view.point(view.centre(cell)), gap = view.u / 2 + 3, pulls = out ?? this.pulls(cell, unit), s = pulls ? 1 : -1;
     const room = (at, d, most) => d ? Math.abs((d > 0 ? most : 0) - at) / Math.abs(d) - gap - 12 : Infinity;   // an arrow ends on the picture
     length = Math.max(12, Math.min(length, room(cx, s * dx, view.w), room(cy, s * dy, view.h)));
     const away = pulls ? gap + length : -gap;   // outside of the body either way
     const x = cx + dx * away - dy * aside, y = cy + dy * away + dx * aside;
-    return { dx, dy, head: [x, y], tail: [x - dx * length, y - dy * length], length };
+    return { dx, dy, head: [x, y], tail: [x - dx * length, y - dy * length], length, pulls, half: 0.5 * view.u * wide - 2 };
   }
   /** Whether a force points out of the body at its cell, from a neighbour in the body. */
   pulls(cell, unit) {
@@ -56,7 +56,11 @@ export class Loads {
     const { page: { inks, touchable, hold, mode }, list, chosen } = this, { ctx } = view;
     const spots = this.spots = this.placed(view), stroke = (ink, width, each) => {
       ctx.strokeStyle = ink; ctx.lineWidth = width; ctx.beginPath();
-      for (const { tail: [x, y], dx, dy, length } of each) arrow(ctx, x, y, dx * length, dy * length, 9);
+      for (const { tail: [x, y], head: [hx, hy], dx, dy, length, half, pulls } of each) {
+        arrow(ctx, x, y, dx * length, dy * length, 9);
+        const [ax, ay] = pulls ? [x, y] : [hx, hy];   // a bar along the surface, as long as the force is spread
+        if (half > 9) { ctx.moveTo(ax - half * dy, ay + half * dx); ctx.lineTo(ax + half * dy, ay - half * dx); }
+      }
       ctx.stroke();
     };
     ctx.lineCap = "round"; ctx.lineJoin = "round";
@@ -66,22 +70,19 @@ export class Loads {
       ctx.fillStyle = inks.paper; ctx.strokeStyle = n === chosen ? inks.accent : inks.load; ctx.lineWidth = n === chosen ? 3 : 2;
       ctx.beginPath(); ctx.arc(x, y, 5, 0, 7); ctx.fill(); ctx.stroke();
     }
-    this.said = [];
-    if (spots.length <= 12) for (const { n, size, tail, dx, dy, length } of spots) this.label(view, size, tail, dx, dy, length, n);
+    const taken = spots.map(({ tail, head }) => [Math.min, Math.max].flatMap((end) => [end(tail[0], head[0]), end(tail[1], head[1])]));
+    if (spots.length <= 12) spots.forEach((spot, n) => this.label(view, spot, n, taken));
     if (hold?.ghost) this.paintGhost(view, hold);
   }
-  label(view, size, [x, y], dx, dy, length, n) {
-    const { ctx, w } = view, { inks } = this.page, text = quantity(size < 1e-6 * this.strongest ? 0 : Number(size.toPrecision(4)), "N"), font = `600 ${FONT.replace("12px", "14px")}`;
+  /** An arrow's number beside it, or above if it lies: where it meets none of the boxes that other arrows and numbers have taken. */
+  label({ ctx, w }, { size, tail: [x, y], dx, dy, length }, own, taken) {
+    const { inks } = this.page, text = quantity(size < 1e-6 * this.strongest ? 0 : Number(size.toPrecision(4)), "N"), font = `600 ${FONT.replace("12px", "14px")}`;
     ctx.font = font;
     const wide = ctx.measureText(text).width, mx = x + dx * length * 0.4, lies = Math.abs(dx) > Math.abs(dy), my = y + dy * length * 0.4 - (lies ? 14 : 0);
-    for (const left of lies ? [mx - wide / 2] : [mx + 11, mx - 11 - wide]) {   // where it meets no other arrow and no other word
-      const meets = (a, b) => a > left - 6 && a < left + wide + 6 && Math.abs(b - my) < 16;
-      const free = left > 4 && left + wide < w - 4 && !this.spots.some(({ n: other, tail: [ax, ay], head: [bx, by] }) => other !== n && [0, 0.25, 0.5, 0.75, 1].some((k) => meets(ax + k * (bx - ax), ay + k * (by - ay)))) && !this.said.some(([from, to, at]) => from < left + wide + 6 && to > left - 6 && Math.abs(at - my) < 16);
-      if (!free) continue;
-      this.said.push([left, left + wide, my]);
-      paintWord(ctx, text, left, my, inks.load, inks, { font });
-      return;
-    }
+    const meet = ([l, b, r, t], other) => l - 6 < other[2] && r + 6 > other[0] && b < other[3] && t > other[1];
+    const box = (lies ? [mx - wide / 2] : [mx + 11, mx - 11 - wide]).map((left) => [left, my - 8, left + wide, my + 8]).find((one) => one[0] > 4 && one[2] < w - 4 && !taken.some((other, n) => n !== own && meet(one, other)));
+    if (!box) return;
+    taken.push(box); paintWord(ctx, text, box[0], my, inks.load, inks, { font });
   }
   paintGhost(view, { ghost, grip, n }) {
     const { ctx } = view, { inks } = this.page, size = Math.hypot(...ghost.force);

@@ -25,12 +25,12 @@ export class MotionPage extends Page {
     this.frame();
     if (lesson && born) this.look.deformed = false;
     this.shares = shares;                         // of the forces, by frame; none: all act throughout
-    this.whole = forces.map(({ place, force }) => ({ cell: place.map((p, a) => (p - this.low[a]) / this.unit - 0.5), force, near: this.nearest(place) }));
+    this.whole = forces.map(({ place, force, wide }) => ({ cell: place.map((p, a) => (p - this.low[a]) / this.unit - 0.5), force, wide: wide / this.unit, near: this.nearest(place) }));
     for (const load of this.whole) load.out = load.force.some((x, a) => (x > 0.9 * Math.hypot(...load.force) && load.cell[a] + 0.5 > this.run.lattice.shape[a] - this.edge - 0.01) || (x < -0.9 * Math.hypot(...load.force) && load.cell[a] + 0.5 < this.edge + 0.01));   // out of the box round the body
   }
   get forces() {
     const share = this.shares.length ? this.shares[this.g] || 1e-9 : 1, { points, low, unit, dimension: d } = this;   // they go with what they act on
-    return this.whole.map(({ cell, force, near, out }) => ({ out, cell: this.where(near).map((x, a) => cell[a] + x - (points[near * d + a] - low[a]) / unit), force: force.map((x) => share * x) }));
+    return this.whole.map(({ cell, force, wide, near, out }) => ({ out, wide, cell: this.where(near).map((x, a) => cell[a] + x - (points[near * d + a] - low[a]) / unit), force: force.map((x) => share * x) }));
   }
   /** The point at rest that is nearest to a place. */
   nearest(place) {
@@ -185,6 +185,8 @@ export class MotionPage extends Page {
       pen.fill("evenodd");
     }
     ctx.save(); ctx.resetTransform();
+    ctx.globalCompositeOperation = "destination-over";   // parts that moved apart a little get their neighbours' colours between them, no edge
+    for (const [x, y] of [[r, 0], [-r, 0], [0, r], [0, -r]]) ctx.drawImage(view.canvas, x, y);
     ctx.globalCompositeOperation = "destination-in"; ctx.drawImage(mask, 0, 0);
     Object.assign(ctx, { globalCompositeOperation: "destination-over", shadowColor: inks.ink, shadowBlur: 2 * r });
     ctx.drawImage(view.canvas, 0, 0);            // a dark edge
@@ -239,18 +241,17 @@ export class MotionPage extends Page {
     parts.story.replaceChildren(make("b", { textContent: this.born ? `${t("agent")} ${picked}` : t(this.corners > 2 ? "part" : this.along === "s" ? "rod" : "spring", { n: picked }) }), make("dl", {}, ...rows));
   }
   drawCurves() {
-    const { parts: { charts: canvas }, curveList, inks, at, g, t } = this, named = (of) => of.split(": ").map((part) => t(`curve_${part}`, { otherwise: part })).join(": ");
-    canvas.hidden = !curveList.length;
-    if (curveList.length > 4) canvas.parentElement.style.height = "375px";   // three rows
-    if (!canvas.isConnected || !curveList.length) return;
+    const { parts: { charts: box }, curveList, inks, at, g, t } = this, named = (of) => of.split(": ").map((part) => t(`curve_${part}`, { otherwise: part })).join(": ");
+    box.hidden = !curveList.length;
+    if (!box.isConnected) return;
     const most = (list) => Math.max(...list.map(Math.abs)), shown = (lines, all = Object.entries(lines)) => all.filter(([, list]) => all.length < 4 || most(list) > 0.01 * Math.max(...Object.values(lines).map(most)));   // of many, those that are not nothing
-    paintGrid(canvas, curveList.slice(0, 6).map(({ title, unit, at: over, axis, lines, logarithmic, course, place }) =>
-      ({ word: named(title), unit, over, lists: shown(lines).map(([, list]) => list), names: shown(lines).map(([name]) => named(name)), now: place ? null : at[g], log: logarithmic, course, axis })), inks, Infinity, this.lesson?.said);
+    paintGrid(box, curveList.slice(0, 6).map(({ title, unit, at: over, axis, lines, logarithmic, course, bars, place }) =>
+      ({ word: named(title), unit, over, lists: shown(lines).map(([, list]) => list), names: shown(lines).map(([name]) => named(name)), now: place ? null : at[g], log: logarithmic, course, bars, axis })), inks);
   }
   seekChart(event) {
-    const { curveList, parts: { charts }, at } = this;
+    const { curveList, at } = this;
     if (!curveList.length || curveList[0].place) return;
-    const { at: over } = curveList[0], wanted = over[0] + partOf(charts, Math.min(6, curveList.length), event) * (over.at(-1) - over[0]);
+    const { at: over } = curveList[0], wanted = over[0] + partOf(event) * (over.at(-1) - over[0]);
     this.seek(at.reduce((best, v, i) => (Math.abs(v - wanted) < Math.abs(at[best] - wanted) ? i : best), 0));
   }
   press(event) {

@@ -322,7 +322,7 @@ export class Page {
     this.charted = at;
     if (this.curves?.length !== run.generation) this.curves = { length: run.generation, list: curvesOf(run) };
     const over = run.alive.map((_, i) => i + 1);
-    paintGrid(parts.charts, this.curves.list.map(([word, unit, lists, names]) => ({ word: t(word), unit, over, lists, names: names.map(t), now: g || null })), this.inks, this.limit, this.lesson?.said);
+    paintGrid(parts.charts, this.curves.list.map(([word, unit, lists, names]) => ({ word: t(word), unit, over, lists, names: names.map(t), now: g || null })), this.inks, this.limit);
   }
   /** Where the page stands, at the timeline and the button. */
   tellTime(text) {
@@ -372,7 +372,7 @@ export class Page {
   }
   raiseSheet() { this.sheet = (this.sheet + 1) % 3; this.host.dataset.sheet = this.sheet; this.later(); }
   /** Whose picture it is, and who made it. */
-  get whose() { return [...(this.own && this.touchable ? [] : [this.t(this.changed ? "changed" : this.kind)]), ...(this.own ? [this.t("ownAgents", { n: this.own.names.join(", ") })] : [])].join(" · "); }
+  get whose() { return [...(this.own && this.touchable ? [] : [this.t(this.changed ? "changed" : this.kind)]), ...(this.own ? [this.studio?.asIs ? this.t("readyAgent", { n: this.say(this.studio.asIs.name) }) : this.t("ownAgents", { n: this.own.names.join(", ") })] : [])].join(" · "); }
   header() {
     this.parts.mode.textContent = this.whose;
     const scene = JSON.stringify(this.scene), same = (preset) => JSON.stringify(preset.scene) === scene && (preset.cells ?? this.start.cells).every((c, i) => c === this.cells[i]);
@@ -454,14 +454,11 @@ export class Page {
     if (open && this.look.mode === "body" && this.run.kinds[k] >= 0 && offered(this).some((mode) => mode.name === "cell")) this.setMode("cell");
     this.later();
   }
-  seekChart(event) {
-    const part = partOf(this.parts.charts, this.curves.list.length, event);
-    this.seek(Math.round(1 + part * (this.run.generation - 1)));
-  }
+  seekChart(event) { this.seek(Math.round(1 + partOf(event) * (this.run.generation - 1))); }
   key(event) {
     const target = event.composedPath()[0], typing = target.matches?.("input, select, textarea, [role=tab]");
     if ((event.ctrlKey || event.metaKey) && event.key.toLowerCase() === "z" && !target.matches?.("input[type=text], textarea")) {
-      if (event.shiftKey) this.past.redo(); else this.past.undo();
+      this.past.go(event.shiftKey ? 1 : -1);
       event.preventDefault();
       return;
     }

@@ -14,8 +14,8 @@ export function buildHeader(page) {
   const language = make("select", { ariaLabel: t("language"), onchange: () => page.speak(language.value) },
     ...Object.entries(LANGUAGES).map(([key, text]) => make("option", { value: key, textContent: text, lang: key })));
   language.value = page.language;
-  parts.undo = iconButton("undo", t("undo"), () => page.past.undo(), { disabled: !page.past?.can(-1) });
-  parts.redo = iconButton("redo", t("redo"), () => page.past.redo(), { disabled: !page.past?.can(1) });
+  parts.undo = iconButton("undo", t("undo"), () => page.past.go(-1), { disabled: !page.past?.can(-1) });
+  parts.redo = iconButton("redo", t("redo"), () => page.past.go(1), { disabled: !page.past?.can(1) });
   parts.mode = make("span", { className: page.own ? "mode own" : "mode", textContent: page.whose });
   const score = page.studio && (lesson?.step ?? "try") === "try" ? [make("output", { className: "score", textContent: page.studio.challenge()[0] })] : [];
   const right = make("div", { className: "right" }, ...(page.touchable || lesson ? [parts.undo, parts.redo] : []),
@@ -87,14 +87,13 @@ export function buildAside(page) {
   const { t, parts } = page;
   parts.verdict = make("div", { className: "verdict", role: "status" });
   parts.story = make("div", { className: "story", role: "status", ariaLabel: t("agent") });
-  parts.charts = make("canvas", { role: "img", ariaLabel: t("charts"), onpointerdown: (e) => page.seekChart(e) });
+  parts.charts = make("div", { className: "charts", role: "img", ariaLabel: t("charts"), onpointerdown: (e) => page.seekChart(e) });
   const { tabs, body, foot = [] } = page.lesson ? lessonSide(page) : freeSide(page);
   const grip = button("", () => page.raiseSheet(), { className: "grip", ariaLabel: t("sheet"), title: t("sheet") });
   return make("aside", {}, tabs, make("div", { className: "body", tabIndex: 0 }, grip, make("div", { className: "flow" }, ...body)), make("div", { className: "foot", hidden: !foot.length }, ...foot));
 }
 
 export const storyCard = (page) => make("section", {}, ...((page.fields && !page.born) || (page.lesson && page.studio) ? [] : [make("h2", { textContent: page.t("agent") })]), page.parts.story);   // rods and faces are no agents
-export const chartsCard = (page) => make("div", { className: "charts" }, page.parts.charts);
 /** What the way of looking brings to the side. */
 export const modeCards = (page) => page.mode?.cards?.(page) ?? [];
 export const cardsBox = (page) => page.parts.cards = make("div", { className: "cards" }, ...modeCards(page));
@@ -120,7 +119,7 @@ function freeSide(page) {
     page.tab = name;
     bodies.forEach((body, i) => { body.hidden = names[i] !== name; });
   });
-  return { tabs, body: [parts.verdict, cardsBox(page), ...bodies, ...(page.mode?.alone ? [] : [storyCard(page)]), chartsCard(page)] };
+  return { tabs, body: [parts.verdict, cardsBox(page), ...bodies, ...(page.mode?.alone ? [] : [storyCard(page)]), parts.charts] };
 }
 
 /** Tabs: arrows walk, a click or Enter chooses. */

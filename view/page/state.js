@@ -16,8 +16,6 @@ export class Past {
     this.tell();
   }
   can(turn) { return this.at + turn >= 0 && this.at + turn < this.list.length; }
-  undo() { this.go(-1); }
-  redo() { this.go(1); }
   go(turn) {
     if (!this.can(turn)) return;
     this.at += turn; this.gesture++;

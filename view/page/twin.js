@@ -57,13 +57,9 @@ function paintDifference(page, canvas, both) {
 
 // -------------------------------------------------------------------------------------- ruler
 
-const rulerEnds = ({ look, run: { lattice: { shape: [nx, ny] } } }) => {
-  const { axis, at } = look.twin.ruler;
-  return axis === 0 ? [[0, at + 0.5], [nx, at + 0.5]] : [[at + 0.5, 0], [at + 0.5, ny]];
-};
 /** What lies under the ruler: keys and places (m), both profiles with largest value and half width, the force through it. */
 export function profileOf(page, both) {
-  const { run, look } = page, { ruler } = look.twin, { h } = run.lattice, { keys, at } = cellsOn(run, ...rulerEnds(page)), places = at.map((x) => x * h), { axis } = loadAxis(run.scene);
+  const { run, look } = page, { ruler } = look.twin, { h } = run.lattice, { keys, at } = cellsOn(run, ruler), places = at.map((x) => x * h), { axis } = loadAxis(run.scene);
   const told = (values) => { if (!values) return null; const list = keys.map((k) => values[k]); return { list, largest: list.length ? Math.max(...list) : 0, half: halfWidth(places, list) }; };
   const through = (values) => (values && both.quantity === "along" && ruler.axis !== axis ? cutsOf(run, values).find((cut) => cut.at === ruler.at)?.carried ?? 0 : null);
   return { keys, at: places, rule: { ...told(both.rule), through: through(both.rule) }, elastic: both.elastic && { ...told(both.elastic), through: through(both.elastic) } };
@@ -74,7 +70,7 @@ function csvOfRuler(page) {
   return [`distance (m),x (m),y (m),rule ${name},elasticity ${name}`, ...rows].join("\n") + "\n";
 }
 function paintRuler(page, view) {
-  const { ctx } = view, { inks } = page, [a, b] = rulerEnds(page).map((p) => view.at(...p));
+  const { ctx } = view, { inks, look: { twin: { ruler: { axis, at } } } } = page, [a, b] = [0, view.lattice.shape[axis]].map((end) => view.at(...(axis ? [at + 0.5, end] : [end, at + 0.5])));
   for (const [ink, width] of [[inks.paper, 5], [inks.ink, 2]]) {
     ctx.strokeStyle = ink; ctx.lineWidth = width; ctx.beginPath(); ctx.moveTo(...a); ctx.lineTo(...b); ctx.stroke();
     for (const p of [a, b]) { ctx.beginPath(); ctx.arc(...p, 6, 0, 7); ctx.stroke(); if (width < 5) { ctx.fillStyle = inks.paper; ctx.fill(); } }
@@ -194,17 +190,18 @@ MODES.push({
     const { twin, canvas, inks, t, look } = page, two = settings(page), both = bothOf(page), main = canvas.parentElement, wide = page.stageBox.clientWidth > 560;
     const swipe = !page.solid && (two.layout === "swipe" || !wide), { answer } = page.elastic;
     (swipe ? main : page.stageBox)[swipe ? "append" : "insertBefore"](...(swipe ? [twin.elastic] : [twin.elastic, twin.gap]));
-    twin.elastic.classList.toggle("over", swipe); twin.gap.hidden = !wide || !answer || two.alone; twin.elastic.hidden = swipe && !answer; twin.handle.hidden = !swipe || !answer;
+    twin.elastic.classList.toggle("over", swipe); twin.gap.hidden = swipe || !answer; twin.elastic.hidden = swipe && !answer; twin.handle.hidden = !swipe || !answer;
     page.drawnWith = [];
     const views = twin.views = { rule: paintAnswer(page, canvas, "rule", both) };
     page.view = views.rule;
+    const { x0, u } = views.rule, [nx] = page.run.lattice.shape, x = x0 + u * (two.split ??= nx / 2);
+    if (swipe && answer) views.rule.ctx.clearRect(x, 0, views.rule.w, views.rule.y0 + 16);   // elasticity is seen there, through paper that is clear
     if (answer) { views.elastic = paintAnswer(page, twin.elastic.firstChild, "elastic", both); if (!twin.gap.hidden) views.gap = paintDifference(page, twin.gap.firstChild, both); }
     page.loads.paint(views.rule);
     for (const view of Object.values(views)) {
       if (two.ruler) { paintNumbers(view, inks); paintRuler(page, view); }
       for (const k of [twin.at >= 0 ? twin.at : page.picked]) if (k >= 0) paintPick(view, page.run.lattice.cell(k), inks);
     }
-    const { x0, u } = views.rule, [nx] = page.run.lattice.shape, x = x0 + u * (two.split ??= nx / 2);
     for (const [name, align] of [["rule", "right"], ["elastic", "left"]]) if (views[name]) paintWord(views[name].ctx, t(name === "rule" ? "theRule" : "elastic"), swipe ? x + (name === "rule" ? -26 : 26) : views[name].w / 2, page.solid ? 16 : views[name].y0 - 14, inks[name], inks, { align: swipe ? align : "center", font: `600 ${FONT}` });
     if (!answer) twin.elastic.firstChild.ariaLabel = twin.gap.firstChild.ariaLabel = t("solving");
     twin.elastic.style.clipPath = swipe ? `inset(0 0 0 ${x}px)` : "";
@@ -306,14 +303,10 @@ export function cutsOf(run, along) {
   });
 }
 
-/** A profile of cells on a straight line between two points (in cells): keys, and how far along each lies (in cells). */
-export function cellsOn({ lattice: L, kinds }, [x0, y0], [x1, y1]) {
-  const long = Math.hypot(x1 - x0, y1 - y0) || 1, way = [(x1 - x0) / long, (y1 - y0) / long], found = new Map();
-  for (let s = 0; s <= long; s += 0.01) {
-    const cell = [Math.floor(x0 + s * way[0]), Math.floor(y0 + s * way[1])], k = L.contains(cell) ? L.key(cell) : -1;
-    if (k >= 0 && kinds[k] >= 0 && !found.has(k)) found.set(k, (cell[0] + 0.5 - x0) * way[0] + (cell[1] + 0.5 - y0) * way[1]);
-  }
-  return { keys: [...found.keys()], at: [...found.values()] };
+/** The cells of a row or column: keys, and how far along each lies (in cells). */
+export function cellsOn({ lattice: L, kinds }, { axis, at }) {
+  const line = Array.from({ length: L.shape[axis] }, (_, i) => L.key(axis ? [at, i] : [i, at])), keys = line.filter((k) => kinds[k] >= 0);
+  return { keys, at: keys.map((k) => L.cell(k)[axis] + 0.5) };
 }
 
 /** Half the width at half the largest value, both sides averaged; null where a side never falls so far. */

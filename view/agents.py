@@ -15,20 +15,21 @@ from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import BoundaryNorm, Normalize
 from matplotlib.lines import Line2D
-from matplotlib.ticker import MaxNLocator
 
 from kaju.arrays import Floats, Ints
 from kaju.model.scene.cell_types import AIR, RIGID, ROLLER
 from kaju.model.transfer.stage import Stage
 from kaju.model.transfer.transfer_result import TransferResult
 
-from . import load_plots
+from . import load_plots, style
 from .body_in_space import box_around, draw_voxels, space_for
 from .body_plots import BodyPicture, draw_cells
 from .films import Film
 from .section import Cut, Section, check_number, one_a_place, section_of
 from .style import INK, PULL, SEQUENTIAL, add_polygons, caption, colour_bar, legend
 from .units import counted, quantity
+
+WOKE = "generation in which the cell woke"
 
 
 class Symbol(NamedTuple):
@@ -49,27 +50,6 @@ SYMBOLS = {
     RIGID: Symbol("rigid boundary agent", _regular(3, 90.0, 0.5), "^"),
     ROLLER: Symbol("roller boundary agent", _regular(4, 0.0, 0.45), "D"),
 }
-
-
-def spawn_norm(generations: int) -> Normalize:
-    """Return the scale of spawn steps 1 to `generations`: single colours while there are few."""
-    last = max(generations, 1)
-    if last <= 24:
-        return BoundaryNorm(np.arange(0.5, last + 1.0), colormaps[SEQUENTIAL].N)
-    return Normalize(1.0, float(last))
-
-
-def spawn_bar(
-    ax: Axes, norm: Normalize, last: int, label: str = "generation in which the cell woke"
-) -> None:
-    """Add the colour bar of spawn steps, with whole numbers."""
-    bar = colour_bar(ax, ScalarMappable(norm, SEQUENTIAL), label)
-    if isinstance(norm, BoundaryNorm):
-        bar.set_ticks(list(range(1, max(last, 1) + 1, 1 if last <= 12 else 2)))
-        bar.ax.minorticks_off()
-    else:
-        bar.locator = MaxNLocator(8, integer=True)
-        bar.update_ticks()
 
 
 def _boundaries(stage: Stage, until: int) -> Iterator[tuple[Symbol, Ints, Ints]]:
@@ -153,7 +133,7 @@ def plot_agents(
         return _finish_states(result, picture, state, generation)
     if not len(stage.cells):
         return picture.finish("Agents", [stage.outcome, *picture.notes])
-    norm, born = spawn_norm(stage.generations), stage.spawn_step <= until
+    norm, born = style.count_norm(1, stage.generations), stage.spawn_step <= until
     agents = stage.cells[born], stage.spawn_step[born]
     look: dict[str, Any] = {"cmap": SEQUENTIAL, "norm": norm}
     draw_cells(picture.ax, section, *agents, "min", "material agents", **look)
@@ -167,7 +147,7 @@ def plot_agents(
         scale = load_plots.load_norm(stage.history.load)
         load_plots.draw_loads(picture.ax, coarse, stage, loads, scale, plain=True)
         picture.entries += load_plots.sense_entries(loads, stage.taken.shape[1], plain=True)
-    spawn_bar(picture.ax, norm, stage.generations)
+    style.count_bar(picture.ax, ScalarMappable(norm, SEQUENTIAL), WOKE)
     picture.entries += _entries(stage.boundary_kind[section.holds(stage.boundary_cells)])
     gamma = f"γ = {quantity(load_plots.threshold_of(result), 'N')}"
     notes = [_happened(stage, generation), "; ".join([*picture.notes, gamma])]
@@ -207,7 +187,7 @@ def _plot_in_space(
     if not len(stage.cells):
         caption(space, "Agents", [stage.outcome, *notes, *box.notes])
         return cast("Axes", space)
-    norm, until = spawn_norm(stage.generations), _until(stage, generation)
+    norm, until = style.count_norm(1, stage.generations), _until(stage, generation)
     colour, edge = colormaps[SEQUENTIAL], scene.lattice.cell_size * box.block
     born = stage.spawn_step <= until
     voxels, step = one_a_place(stage.cells[born] // box.block, stage.spawn_step[born], "min")
@@ -218,7 +198,7 @@ def _plot_in_space(
         look: dict[str, Any] = {"marker": symbol.marker, "edgecolors": INK, "linewidths": 0.6}
         look |= {"s": 26, "depthshade": False, "zorder": 4, "gid": f"{symbol.name}s"}
         space.scatter(*((places + 0.5) * edge).T, c=colour(norm(step)), **look)
-    spawn_bar(space, norm, stage.generations)
+    style.count_bar(space, ScalarMappable(norm, SEQUENTIAL), WOKE)
     legend(space, _entries(stage.boundary_kind))
     caption(space, "Agents", [_happened(stage, generation), *notes, *box.notes])
     return cast("Axes", space)

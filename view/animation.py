@@ -25,7 +25,7 @@ from kaju.model.scene import Scene
 from kaju.result_kinds import KINDS, fetch
 
 from .deformed import check_magnification
-from .films import WRITERS, Film, ffmpeg, frames, write_pictures
+from .films import WRITERS, Film, evenly, ffmpeg, frames, write_pictures
 from .motion import Motion
 from .picture_files import new_folder
 from .plots import check_options, pictures_of
@@ -147,9 +147,7 @@ def animate(
         return drawn if isinstance(drawn, Figure) else figure_of(drawn)
 
     every = film.moments(result)
-    count = min(len(every), MOST_FRAMES)
-    chosen = np.unique(np.linspace(0, len(every) - 1, count).round().astype(np.int64))
-    moments = [every[k] for k in chosen]
+    moments = [every[k] for k in evenly(len(every), MOST_FRAMES)]
     if not ending:
         with new_folder(target) as folder:
             write_pictures(frames(draw, moments, bare=bare, mode="RGBA"), folder)

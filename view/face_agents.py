@@ -17,11 +17,10 @@ from numpy.typing import NDArray
 
 from kaju.arrays import Ints
 
-from .agents import spawn_bar, spawn_norm
 from .body_plots import BodyPicture
 from .films import Film
 from .section import Cut, Section, check_number, section_of
-from .style import LOADS, SEQUENTIAL, add_polygons, colour_bar
+from .style import LOADS, SEQUENTIAL, add_polygons, colour_bar, count_bar, count_norm
 from .units import counted, quantity
 
 if TYPE_CHECKING:
@@ -39,11 +38,11 @@ def plot_face_agents(
     """Draw the agents of one level, coloured by the step in which they spawned."""
     steps = run.agents.spawn_step
     last = int(steps.max(initial=1))
-    look: dict[str, Any] = {"norm": spawn_norm(last), "cmap": SEQUENTIAL}
+    look: dict[str, Any] = {"norm": count_norm(1, last), "cmap": SEQUENTIAL}
     agents, section = _level_of(run, level, cut, crop)
     picture = BodyPicture(section, ax, run.stage)
-    _draw_diamonds(picture, run, "face agents", agents, steps, look)
-    spawn_bar(picture.ax, look["norm"], last, "step in which the agent spawned")
+    drawn = _draw_diamonds(picture, run, "face agents", agents, steps, look)
+    count_bar(picture.ax, drawn, "step in which the agent spawned")
     many = f"{counted(len(agents), 'parent')} of level {level}"
     many = many if level else f"{counted(len(agents), 'agent')} on faces"
     return picture.finish("Agents of the elastic rule", [many, run.outcome, *picture.notes])

@@ -17,12 +17,18 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from PIL import Image
 
+from kaju.arrays import Ints
 from kaju.errors import ResultFileError, needing
 
 RESOLUTION = 100
 """Dots per inch of films."""
 PER_SECOND = 25.0
 """Frames a second of films of what moves in time."""
+
+
+def evenly(count: int, most: int) -> Ints:
+    """Return all of so many moments, or `most` of them, evenly, with both ends."""
+    return np.unique(np.linspace(0, count - 1, min(count, most)).round().astype(np.int64))
 
 
 def _nothing(_result: Any, _options: Mapping[str, Any]) -> dict[str, Any]:
@@ -49,8 +55,7 @@ def frames(
     `mode` "RGBA" leaves the background out.
     """
     # Three pictures decide how much room all of them get.
-    few = np.unique(np.linspace(0, len(moments) - 1, 3).round().astype(np.int64))
-    looked_at = [_arranged(draw(moments[k])) for k in few]
+    looked_at = [_arranged(draw(moments[k])) for k in evenly(len(moments), 3)]
     first = max(looked_at, key=lambda figure: figure.axes[0].get_title(loc="left").count("\n"))
     limits = [
         [_union([getattr(f.axes[n], f"get_{name}lim")() for f in looked_at]) for name in _names(ax)]

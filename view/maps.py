@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import wraps
+from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import numpy as np
@@ -83,9 +82,9 @@ def colours_of(shown: Quantity, values: Floats, largest: float | None = None) ->
 
 def plot_map(
     result: ElasticResult | TransferResult,
-    what: str,
     ax: Axes | None = None,
     *,
+    what: str,
     component: str | None = None,
     cut: Cut = None,
     crop: bool | None = None,
@@ -118,14 +117,7 @@ def plot_map(
     return picture.finish(shown.title, notes)
 
 
-def _map_of(what: str) -> Callable[..., Axes]:
-    @wraps(plot_map)
-    def draw(result: Any, ax: Axes | None = None, **options: Any) -> Axes:
-        return plot_map(result, what, ax, **options)
-
-    return draw
-
-
-plot_displacement, plot_strain, plot_stress, plot_von_mises, plot_taken = map(
-    _map_of, ("displacement", "strain", "stress", "von_mises", "taken")
+plot_displacement, plot_strain, plot_stress, plot_von_mises, plot_taken = (
+    partial(plot_map, what=what)
+    for what in ("displacement", "strain", "stress", "von_mises", "taken")
 )

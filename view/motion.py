@@ -28,6 +28,7 @@ from kaju.model.transfer.transfer_result import TransferResult
 from .body_plots import force_arrows
 from .charts import fracture_curves, growth_curves, network_curves
 from .deformed import Joined, join, stress_text
+from .films import evenly
 from .fracture_plots import bearing
 from .quadtree import errors_of
 from .section import Arrows
@@ -72,11 +73,6 @@ class Motion:
     outlines: Sequence[dict[str, Any]] = ()
     """What cuts the parts, first the box, then regions by their curves: "solid", and "lines", the
     number of points of each. These are the last points: one, and three a cubic curve."""
-
-
-def chosen_frames(count: int) -> Ints:
-    """Return the moments that pages show: all, or so many, evenly, with both ends."""
-    return np.unique(np.linspace(0, count - 1, min(count, MOST_FRAMES)).round().astype(np.int64))
 
 
 def applied(scene: Scene, stage: int | None = None) -> Arrows:
@@ -210,9 +206,7 @@ def _supports(network: SpringNetwork) -> dict[str, Any]:
     force = network.forces[-1]
     acting = np.flatnonzero(force.any(axis=1))
     return {
-        "forces": Arrows(
-            network.positions[acting], force[acting], np.ones(len(acting), dtype=bool)
-        ),
+        "forces": Arrows(network.positions[acting], force[acting], acting >= 0),
         "held": np.flatnonzero(network.held.any(axis=1)),
     }
 
@@ -376,7 +370,7 @@ def growth_steps(result: GrowthResult) -> Motion:
     """Return densities step by step."""
     lattice = result.scene.lattice
     corners = lattice.cell_size * (corner_order(lattice.dimension) - 0.5)
-    steps = chosen_frames(result.steps + 1)
+    steps = evenly(result.steps + 1, MOST_FRAMES)
     return Motion(
         **_apart(lattice.centres(np.argwhere(result.body))[:, None] + corners),
         at=steps.astype(float),
@@ -392,7 +386,7 @@ def growth_steps(result: GrowthResult) -> Motion:
 
 def breaks(result: FractureResult) -> Motion:
     """Return springs or cells, each until it breaks, under the load of the last break."""
-    counts = chosen_frames(result.breaks + 1)
+    counts = evenly(result.breaks + 1, MOST_FRAMES)
     drawn = [bearing(result, count) for count in counts.tolist()]
     moved, borne, shares = [], [], []
     for count, at, body in zip(counts, drawn, result.replayed(drawn), strict=True):

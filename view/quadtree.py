@@ -11,7 +11,7 @@ import numpy as np
 from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
-from matplotlib.colors import BoundaryNorm, LogNorm, Normalize
+from matplotlib.colors import LogNorm, Normalize
 
 from kaju.arrays import Flags, Floats
 from kaju.errors import ParameterError
@@ -22,8 +22,8 @@ from .body_plots import BodyPicture
 from .films import Film
 from .layers import FINEST, draw_squares, layer_of, merge_small, small_agents, squares_of
 from .section import Cut, check_number, check_word
-from .style import SEQUENTIAL, SIZE, caption, colour_bar
-from .units import grouped, quantity
+from .style import SEQUENTIAL, SIZE, caption, colour_bar, count_bar, count_norm
+from .units import counted, grouped, quantity
 
 if TYPE_CHECKING:
     from kaju.model.elastic.elastic_result import ElasticResult
@@ -52,18 +52,18 @@ def plot_agents_of_many_sizes(
     generation: int | None = None,
 ) -> Axes:
     """Draw agents at their places and in their sizes, of bodies of cubes in space unless cut."""
-    tiles, scale = agents_of(result, colour, generation), _scale_of(result, colour, generation)
-    norm, title = _norm(colour, scale), [_title(result, generation)]
+    tiles, title = agents_of(result, colour, generation), [_title(result, generation)]
+    norm = _norm(colour, _scale_of(result, colour, generation))
     look: dict[str, Any] = {"cmap": SIZE if colour == "level" else SEQUENTIAL, "norm": norm}
     if result.scene.lattice.dimension == 3 and cut is None:
         space, notes = _plot_in_space(result, ax, tiles, look, crop)
-        _bar(space, ScalarMappable(**look), colour, scale)
+        _bar(space, ScalarMappable(**look), colour)
         caption(space, "Agents", [*title, *notes, "; ".join(result.caveats_in_brief)])
         return space
     layer = layer_of(result, cut, crop)
     picture = BodyPicture(layer, ax, result.stage, filled=False)
     drawn = draw_squares(picture.ax, layer, squares_of(layer, tiles), "agents", **look)
-    _bar(picture.ax, drawn, colour, scale)
+    _bar(picture.ax, drawn, colour)
     return picture.finish("Agents", [*title, *picture.notes])
 
 
@@ -73,9 +73,8 @@ def _title(result: ElasticResult, generation: int | None) -> str:
         return f"{grouped(result.agents)} equal cells, error {result.error_estimate:.2g}"
     number = len(result.generations) - 1 if generation is None else generation
     found = result.generations[number]
-    many = "agent" if found.agents == 1 else "agents"
-    error = errors_of(result)[number]
-    return f"step {number} of spawning: {grouped(found.agents)} {many}, error {error:.2g}"
+    many, error = counted(found.agents, "agent"), errors_of(result)[number]
+    return f"step {number} of spawning: {many}, error {error:.2g}"
 
 
 def errors_of(result: ElasticResult) -> list[float]:
@@ -125,19 +124,17 @@ def _scale_of(result: ElasticResult, colour: str, generation: int | None) -> Flo
 
 def _norm(colour: str, values: Floats) -> Normalize:
     if colour in COUNTED:
-        return BoundaryNorm(np.arange(-0.5, values.max() + 1.0), 256)
+        return count_norm(0, int(values.max()))
     high = float(values.max(initial=0.0)) or 1.0
     low = float(values[values > 0].min(initial=high))
     return LogNorm(max(low, high / 1e6, np.finfo(float).tiny), high * (1 + 1e-12))
 
 
-def _bar(ax: Axes, drawn: ScalarMappable, colour: str, values: Floats) -> None:
-    label, unit = COLOURS[colour]
-    bar = colour_bar(ax, drawn, label, unit or None)
+def _bar(ax: Axes, drawn: ScalarMappable, colour: str) -> None:
     if colour in COUNTED:
-        last = int(values.max())
-        bar.set_ticks(list(range(0, last + 1, 1 + last // 12)))
-        bar.ax.minorticks_off()
+        count_bar(ax, drawn, COLOURS[colour][0])
+    else:
+        colour_bar(ax, drawn, *COLOURS[colour])
 
 
 def _plot_in_space(

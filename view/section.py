@@ -180,16 +180,12 @@ class Section:
 
         `share` below 1 leaves a gap all round.
         """
-        shape = ((corner_order(2) - 0.5) @ self._pitch.T)[None]
+        shapes = ((corner_order(2) - 0.5) @ self._pitch.T)[None]
         if self.outlined:
             lattice = self.scene.lattice
-            shape = np.stack([lattice.outline(form) for form in range(lattice.forms)])
-        return self.centres(tiles)[:, None] + share * shape[self._form(tiles)]
-
-    def _form(self, tiles: Ints) -> Ints:
-        if self.outlined:
-            return self.scene.lattice.form(tiles)
-        return np.zeros(len(tiles), dtype=np.int64)
+            forms = np.stack([lattice.outline(form) for form in range(lattice.forms)])
+            shapes = forms[lattice.form(tiles)]
+        return self.centres(tiles)[:, None] + share * shapes
 
     def stripes(self, tiles: Ints) -> Floats:
         """Return tiles like `polygons`, but rows of neighbouring rectangles as one each."""

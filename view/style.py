@@ -21,7 +21,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.cm import ScalarMappable
 from matplotlib.collections import PolyCollection
 from matplotlib.colorbar import Colorbar
-from matplotlib.colors import ListedColormap, LogNorm
+from matplotlib.colors import BoundaryNorm, ListedColormap, LogNorm, Normalize
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.text import Text
@@ -197,6 +197,21 @@ def colour_bar(
     bar.ax.tick_params(labelsize=8)
     bar.outline.set_linewidth(0.5)
     return bar
+
+
+def count_norm(first: int, last: int) -> Normalize:
+    """Return the scale of whole numbers: single colours while there are few."""
+    if last - first < 24:
+        return BoundaryNorm(np.arange(first - 0.5, max(first, last) + 1.0), 256)
+    return Normalize(first, last)
+
+
+def count_bar(ax: Axes, mappable: ScalarMappable, label: str) -> None:
+    """Add the colour bar of whole numbers."""
+    bar = colour_bar(ax, mappable, label)
+    bar.locator = MaxNLocator(12, integer=True)
+    bar.update_ticks()
+    bar.ax.minorticks_off()
 
 
 def legend(ax: Axes, handles: Sequence[Artist]) -> None:

@@ -227,14 +227,12 @@ def test_loads_are_moved_turned_added_deleted_and_everything_undone(shown):
         mouse.up()
         page.js("page.draw()")
 
-    unit = page.js("page.view.u")
-    drag("tail", -4 * unit, -60)  # far above the surface: nothing is ignored
+    drag("tail", -4 * page.js("page.view.u"), -60)  # far above the surface: nothing is ignored
     assert loads() == [[[6, 19], [0, -2]]]
     head, tail = page.js("[page.loads.spots[0].head, page.loads.spots[0].tail]")
     drag("head", head[1] - tail[1], 0)  # a right angle of as long legs: half a right angle
     [[cell, force]] = loads()
-    assert cell == [6, 19]
-    assert force[0] == pytest.approx(-force[1])
+    assert (cell, force[0]) == ([6, 19], pytest.approx(-force[1]))
     assert np.hypot(*force) == pytest.approx(4.0, rel=0.15)  # twice its length squared
     mouse.dblclick(*page.spot("page.view.at(15.5, 21.2)"))
     assert [load[0] for load in loads()] == [[6, 19], [15, 19]]

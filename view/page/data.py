@@ -24,7 +24,8 @@ from kaju.model.transfer.stage import Stage, Totals
 from kaju.model.transfer.transfer import Transfer
 from kaju.result_kinds import KINDS, fetch
 from kaju.view.body_plots import SUPPORTS
-from kaju.view.motion import Motion, chosen_frames
+from kaju.view.films import evenly
+from kaju.view.motion import MOST_FRAMES, Motion
 from kaju.view.section import Arrows
 
 _SENSES = {PUSH: "push", PULL: "pull", BY_SIDE: "side", BY_SURFACE: "surface"}
@@ -293,7 +294,7 @@ def motion_data(result: Result) -> tuple[dict[str, Any], Columns]:
 
 def _thinned(motion: Motion) -> Motion:
     """Return a motion with as few frames as a page shows."""
-    count, rows = len(motion.at), chosen_frames(len(motion.at))
+    count, rows = len(motion.at), evenly(len(motion.at), MOST_FRAMES)
     at = np.asarray(motion.at)[rows]
     if motion.along == "share":
         # An answer at rest is told once, and shown at so many shares of its load.

@@ -72,7 +72,7 @@ def along(region: TrueRegion, extent: tuple[int, int]) -> Floats:
 
 
 class UnlikeError(Exception):
-    """The polygons do not have all of the body yet."""
+    """The polygons do not have all of the body yet; what is to be said if they never do."""
 
 
 @dataclass(eq=False)
@@ -360,6 +360,7 @@ def _body(scene: Scene, edge: float, shape: tuple[int, int], laws: dict[str, Law
             regions.append(TrueRegion.within(arcs, shape, law))
         except TouchError:
             raise SceneError(
-                f"{where}: its outline crosses or touches itself; split it in two"
+                f"{where}: its outline crosses or touches itself, or touches a side of the array; "
+                "split it in two, or move it a little"
             ) from None
     return TrueBody(laws.get(str(scene.body.material), AIR), tuple(reversed(regions)))

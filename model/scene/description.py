@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping
 from dataclasses import replace
 from math import isclose
@@ -43,6 +42,7 @@ from .validation import (
     built_by,
     check_axes,
     optional,
+    read_toml,
     with_lines,
 )
 
@@ -236,9 +236,9 @@ def _read(path: Path) -> tuple[dict[str, Any], dict[str, Material]]:
     """Return a file's tables, and the materials that they make."""
     text = text_of_file(path, SceneFileError, LONGEST, key="materials")
     try:
-        table = tomllib.loads(text)
-    except ValueError as error:  # TOMLDecodeError, or a number of too many digits
-        raise SceneError(f"materials: {path} is not valid TOML: {error}") from None
+        table = read_toml(text)
+    except SceneError as error:
+        raise SceneError(f"materials: {path}: {error}") from None
     inside = "materials." if "materials" in table else ""
     tables = table.get("materials", table)
     if not (isinstance(tables, Mapping) and all(isinstance(t, Mapping) for t in tables.values())):

@@ -44,6 +44,7 @@ from .shapes import (
 from .surfaces import surface_from
 from .svg_path import PathShape, drawing_in
 
+METRES = "are these metres? 1 mm is 0.001 m"
 _IN_SPACE = ("ball", "cylinder", "surface")
 _IN_PLANE = ("disk", "ring", "ellipse", "slot", "rounded_box", "polygon", "path")
 _SHAPES = ("box", "disk", *_IN_SPACE, *_IN_PLANE[1:], "image")
@@ -199,9 +200,7 @@ class Region(_Shaped):
         if np.any(upper <= lower):
             raise SceneError(f"{where}: has no extent; its corners lie on one line")
         if np.any(upper < 0.0) or np.any(lower > np.asarray(lattice.extent)):
-            ends = ([float(f"{x:.6g}") for x in at] for at in (lower, upper, lattice.extent))
-            told = "it goes from {} to {} m, the array from 0 to {} m".format(*ends)
-            raise SceneError(f"{where}: lies outside the array: {told}")
+            raise SceneError(f"{where}: lies outside the array: it {reach_of(shape, lattice)}")
         return shape
 
 
@@ -226,6 +225,12 @@ class LoadRegion(_Shaped):
                 "a surface has none along one axis only; for a point use point = [...]"
             )
         return flat[0] if flat else None
+
+
+def reach_of(shape: Shape, lattice: Lattice, asked: str = METRES) -> str:
+    """Say from where to where a shape reaches, and the array."""
+    ends = (", ".join(f"{x:.4g}" for x in at) for at in (*shape.extent, lattice.extent))
+    return "reaches from ({}) to ({}) m, the array to ({}) m; {}".format(*ends, asked)
 
 
 def _box(corners: tuple[Point, Point], lattice: Lattice, where: str) -> Box:

@@ -25,6 +25,7 @@ from .cell_types import AIR, DISPLACED, FOUNDATION, NOT_BODY, RIGID, ROLLER
 from .description import Body, Description
 from .lattice import Cells, Lattice
 from .pictures import Picture, check_count, check_size, from_array, from_drawing, from_image
+from .regions import reach_of
 from .shapes import Points, Relation, Shape
 from .sides import FREE, SideCondition, check_side
 from .validation import check_axes
@@ -328,7 +329,8 @@ def _check_regions(resolved: ResolvedBody) -> None:
         if not region.shape.contains(resolved.lattice.centres(grid(*box))).any():
             raise SceneError(
                 f"body.regions.{number}: holds no cell's centre; cells are "
-                f"{resolved.lattice.cell_size:g} m wide. Make it larger or the cells smaller"
+                f"{resolved.lattice.cell_size:g} m wide. Make it larger or the cells smaller, or "
+                'give all regions outline = "true"'
             )
 
 
@@ -339,8 +341,8 @@ MOST_EXAMINED = 10_000_000
 
 _HOLDS = (RIGID, ROLLER, FOUNDATION, DISPLACED)
 _REMEDY = (
-    'hold it by a rigid cell or region, or by [sides] such as bottom = "rigid" (to watch a '
-    "prescribed rule alone, which needs no support, set body.allow_floating = true)"
+    'hold it by [sides] such as bottom = "rigid", or by a rigid cell or region (a prescribed rule '
+    "alone needs no support: body.allow_floating = true)"
 )
 
 
@@ -348,13 +350,23 @@ def check_body(resolved: ResolvedBody, allow_floating: bool) -> None:
     """Refuse a body that is not there or floats; parts are sought up to `MOST_EXAMINED` cells."""
     boxes = [resolved.box] + [resolved.cells_of(region.shape) for region in resolved.regions]
     if not any(_has_body(resolved, box) for box in boxes):
-        raise SceneError("body: none of its cells is body; at least one must be of a material")
+        raise SceneError(nothing_left(resolved))
     if allow_floating:
         return
     if resolved.uniform or resolved.lattice.size > MOST_EXAMINED:
         _check_samples(resolved, boxes)
     else:
         _check_parts(resolved)
+
+
+def nothing_left(resolved: ResolvedBody) -> str:
+    """Say that there is no body, and which region leaves none if one covers the array."""
+    for number, part in reversed([*enumerate(resolved.regions)]):
+        low, high = part.shape.extent
+        if part.kind < 0 and np.all(low <= 0.0) and np.all(high >= resolved.lattice.extent):
+            told = reach_of(part.shape, resolved.lattice)
+            return f"body.regions.{number}: leaves nothing of the body: it {told}"
+    return "body: none of its cells is body; at least one must be of a material"
 
 
 def _check_samples(resolved: ResolvedBody, boxes: list[CellBox]) -> None:

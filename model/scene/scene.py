@@ -23,8 +23,8 @@ from . import cell_types
 from .description import LONGEST, Body, Description, LoadTable, check_rule, with_shared
 from .lattice import Cells, Lattice
 from .pictures import Picture, check_size
-from .regions import PathFile, Region, SurfaceFile
-from .resolved_body import CellBox, ResolvedBody, check_body, check_outlines, resolve
+from .regions import PathFile, Region, SurfaceFile, reach_of
+from .resolved_body import CellBox, ResolvedBody, check_body, check_outlines, nothing_left, resolve
 from .selection import AppliedLoads, Selection, at_stage, check_gravity, select
 from .shapes import Ball, Shape
 from .sides import FREE, SideCondition, check_side
@@ -238,6 +238,11 @@ class Scene(Description):
         """The materials of the body; kinds from 0 upwards are indices into them."""
         return self._resolved.materials
 
+    @property
+    def nothing_left(self) -> str:
+        """What is to be said where regions leave nothing of the body."""
+        return nothing_left(self._resolved)
+
     def side_condition(self, name: str) -> SideCondition:
         """Return how a side of the array is held."""
         check_side(name, self.lattice.sides, f"sides.{name}")
@@ -413,8 +418,7 @@ def _beyond(shape: Shape, lattice: Lattice, cuts: bool) -> str:
         return ""
     else:
         remedy = "what lies beyond is cut off"
-    start, reach, end = (", ".join(f"{x:.4g}" for x in corner) for corner in (low, high, size))
-    return f"reaches from ({start}) to ({reach}) m, the array to ({end}) m; {remedy}"
+    return reach_of(shape, lattice, remedy)
 
 
 def _refined_body(body: Body, lattice: Lattice, picture: Picture | None, k: int) -> Body:

@@ -20,15 +20,7 @@ from kaju.files import atomic_file
 
 from .description import LONGEST, TABLES, Body, Description, LoadTable, with_shared
 from .pictures import Picture
-from .validation import plain
-
-SLIPS = {
-    r"=\s*([+-]?\d+,\d+)\s*[,}\n#]": "numbers have a point, no comma",
-    r"([+-]?\d+,0\d[\d.]*)": "numbers have no comma between thousands",
-    r"(\b\d[\d.e+-]*\s*([mck]?m|[kM]?N|[kMG]?Pa|kg|%)(?!\w))": "numbers have no units",
-    r"=\s*((?!true|false|inf|nan)[^\W\d]\w*)\s*[,}\n#]": "texts are in quotes",
-}
-"""What is looked for in a line that is no TOML, and what is said of it."""
+from .validation import plain, read_toml
 
 
 def table_from(text: str, folder: str | Path | None = None) -> dict[str, Any]:
@@ -42,18 +34,7 @@ def table_from(text: str, folder: str | Path | None = None) -> dict[str, Any]:
             f"is not a scene: {len(text)} characters are more than {LONGEST:.0e}; "
             "describe a large body by an image or an array"
         )
-    try:
-        table = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        at = re.search(r"at line (\d+)", str(error))
-        line = f"{text.splitlines()[int(at[1]) - 1]}\n" if at else ""
-        slips = [(re.search(slip, line), told) for slip, told in SLIPS.items()]
-        meant = [f"; {told}, and there is {slip[1]!r}" for slip, told in slips if slip]
-        raise SceneError(f"is not valid TOML: {error}{''.join(meant[:1])}") from None
-    except RecursionError:
-        raise SceneError("is not a scene: its lists are nested too deeply") from None
-    except ValueError:  # of Python, for whole numbers of thousands of digits
-        raise SceneError("is not a scene: a number has too many digits; write 1e9, say") from None
+    table = read_toml(text)
     return table if folder is None else located(table, Path(folder))
 
 

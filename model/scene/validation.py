@@ -7,6 +7,7 @@ refuses is a `SceneError` with key path, rule, value and meaning of the key.
 from __future__ import annotations
 
 import re
+import tomllib
 from collections.abc import Container, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, get_args
@@ -99,10 +100,10 @@ class Described(_Model):
             return values
         for key in values:
             if key not in cls.model_fields:
-                known = f"known are {', '.join(cls.model_fields)}"
                 meant = _SAME.get(str(key).lower())
                 meant = f" (did you mean {meant!r}?)" if meant in cls.model_fields else ""
-                text = f"unknown key{meant or suggestion(str(key), cls.model_fields)}; {known}"
+                meant = meant or suggestion(str(key), cls.model_fields)
+                text = f"unknown key{meant or '; known are ' + ', '.join(cls.model_fields)}"
                 raise PydanticCustomError("unknown_key", "{text}", {"key": str(key), "text": text})
         return {key: plain(value) for key, value in values.items()}
 
@@ -212,7 +213,55 @@ def _description_in(annotation: Any) -> type[BaseModel] | None:
     return next((part for part in found if part is not None), None)
 
 
-# Where in a TOML text a key stands, so that an error can name its line.
+# TOML texts: what is wrong with one, and where a key stands, so that errors can name its line.
+
+SLIPS = {
+    r"=\s*([+-]?\d+,\d+)\s*[,}\n#]": "numbers have a point, no comma",
+    r"([+-]?\d+,0\d[\d.]*)": "numbers have no comma between thousands",
+    r"(\b\d[\d.e+-]*\s*([mck]?m|[kM]?N|[kMG]?Pa|kg|%)(?!\w))": "numbers have no units",
+    r"=\s*((?!true|false|inf|nan)[^\W\d]\w*)\s*[,}\n#]": "texts are in quotes",
+}
+"""What is looked for in a line that is no TOML, and what is said of it."""
+_UNCLOSED = "a list lacks its ] at the end, or a comma between two entries"
+_BROKEN = {
+    _UNCLOSED: ("Unclosed array",),
+    "a table lacks its } at the end, or a comma between two entries": ("Unclosed inline table",),
+    "a text lacks the quotes at its end": ("Illegal character '\\n'", "Unterminated string"),
+    "write \\ in a path as /": ("Unescaped '\\'", "Invalid hex value"),
+    "a line is KEY = VALUE, [TABLE], [[TABLE]] or # COMMENT": ("Expected '='", "Invalid statement"),
+    "a table's name ends in as many brackets as it begins with": ("Expected ']",),
+    "it is given twice; only [[TABLE]], such as [[loads]], may be": (
+        *("Cannot overwrite", "Cannot declare", "Duplicate inline"),
+    ),
+    "after a value there may only be a comment, # ...": ("Expected newline",),
+    "a value is a number, a text in quotes, true, false, [LIST] or {TABLE}": ("Invalid value",),
+}
+"""What to do, and how the reader's messages begin."""
+
+
+def read_toml(text: str) -> dict[str, Any]:
+    """Return the table in a TOML text; an error quotes the line, and says what it lacks."""
+    try:
+        return tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        message = str(error)
+    except RecursionError:
+        raise SceneError("is not a scene: its lists are nested too deeply") from None
+    except ValueError:  # of Python, for whole numbers of thousands of digits
+        raise SceneError("is not a scene: a number has too many digits; write 1e9, say") from None
+    lines = text.splitlines()
+    place = re.search(r"line (\d+), column (\d+)", message)
+    number, before = (int(place[1]), int(place[2]) - 1) if place else (len(lines), len(lines[-1]))
+    told = next((told for told, begin in _BROKEN.items() if message.startswith(begin)), message)
+    if message.startswith(("Unclosed", "Invalid value")):
+        # What is missed where a line begins is missing at the end of the last one.
+        while number > 1 and not lines[number - 1][:before].partition("#")[0].strip():
+            number, before = number - 1, len(lines[number - 2])
+            told = _UNCLOSED if message.startswith("Invalid value") else told
+    line = lines[number - 1].strip()
+    entry = f"{line.partition('#')[0]}\n"
+    told = next((said for slip, said in SLIPS.items() if re.search(slip, entry)), told)
+    raise SceneError(f"line {number} is not valid TOML: {told}; got {line:.80}")
 
 
 def with_lines(text: str, message: str, changed: Container[str] = ()) -> str:

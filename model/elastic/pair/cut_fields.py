@@ -169,7 +169,10 @@ class Balancing(CutField):
             border.rim(mesh, weight),
         )
         if sheets.unbalanced > TINY:
-            raise UnlikeError("a part of the body that bears loads hangs on nothing, or could move")
+            raise UnlikeError(
+                "sides: a part of the body that bears loads hangs on nothing, or could move; hold "
+                "it, or join it to what is held"
+            )
         free = np.ones(len(mesh.place), dtype=np.bool_)
         free[border.ends[~border.held.all(axis=1)]] = False
         child, above = near_others(mesh, size, free)

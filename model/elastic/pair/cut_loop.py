@@ -116,11 +116,20 @@ class CutLoop(PairLoop):
             try:
                 pair = CutPair(self.body, self.leaves)
                 if pair.bounds.lower > pair.bounds.upper and not self.body.estimated:
-                    raise UnlikeError("a part of the body that bears loads is too thin")
+                    raise UnlikeError(
+                        "body.regions: a part of the body that bears loads is too thin; make it "
+                        "thicker"
+                    )
                 self._judged = self._judge(pair)
                 break
             except VagueError as vague:
-                codes, why = vague.codes, UnlikeError("they touch themselves, or others")
+                codes = vague.codes
+                lower = self.leaves.lower[np.isin(self.leaves.code, codes)].min(axis=0)
+                near = ", ".join(f"{x:.3g}" for x in UNIT * self.body.edge * lower)
+                why = UnlikeError(
+                    f"body.regions: outlines nearly touch themselves, others or a line of cells "
+                    f"near ({near}) m; move one a little, or change the number of cells"
+                )
             except UnlikeError as error:
                 # coarse pieces may not hang together
                 patience, why = patience - 1, error
@@ -128,7 +137,7 @@ class CutLoop(PairLoop):
             chosen = np.isin(self.leaves.code, codes)
             smallest = self.leaves.size[chosen].min(initial=2) < 2
             if not patience or not chosen.any() or smallest or len(chosen) > self.most_agents:
-                raise _unresolved(why)
+                raise SceneError(str(why))
             self.leaves = self.leaves.split(chosen).balanced()
         self.last = pair
         self.leaves = self.leaves.only(np.isin(self.leaves.code, pair.leaves.code))
@@ -185,16 +194,6 @@ class CutLoop(PairLoop):
         agents = CutAgents(self.body, goals, generations, self.stopped, [], pair)
         agents.notes += agents.remarks(self._asked)
         return agents
-
-
-def _unresolved(why: UnlikeError) -> SceneError:
-    return SceneError(
-        f"body.regions: the outlines could not be resolved ({why}). This happens if a region "
-        "covers all of the body or is too small (are its lengths in m? has a drawing its width in "
-        "mm?), if an outline nearly touches a line between agents, or another one (move it a "
-        "little), or if nothing holds a part of the body, or it gets infinitely thin where a load "
-        "acts"
-    )
 
 
 def coarse_along(pair: CutPair, tolerance: float) -> Ints:
@@ -255,7 +254,7 @@ class _Peak:
         often = coarse_along(pair, self._tolerance)
         if not len(along.place):
             if not often.any():
-                raise _unresolved(UnlikeError(f"no agent lies along {self._asked.at!r}"))
+                raise SceneError(f"goal: no part of the body ends along {self._asked.at!r}")
             return self._aimed(np.zeros(len(pair.leaves)), often)
         at = int(np.abs(along.moved).argmax())
         self._value = float(along.moved[at])

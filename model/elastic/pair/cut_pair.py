@@ -42,11 +42,13 @@ def loose_parts(mesh: CutMesh, border: Border, body: OutlinedBody) -> Flags:
         loose[number] = bool(motion)
         if motion and (body.weight.any() or border.given[own == number].any()):
             x, y = body.edge * border.at[own == number].mean(axis=(0, 1))
-            part = f"the part of the body round ({x:.3g}, {y:.3g}) m, apart from the rest"
+            part, join = "the body", ""
+            if count > 1:
+                part = f"the part of the body round ({x:.3g}, {y:.3g}) m, apart from the rest"
+                join = ", or join it to what is held (does a region cut it off?)"
             raise SupportError(
-                f"sides: the supports do not hold {part if count > 1 else 'the body'}: it could "
-                f'{motion}; hold it by [sides] such as left = "rigid", join it to what is held, or '
-                'solve one half of a symmetric body, with its mirror line as a side = "roller"'
+                f"sides: the supports do not hold {part}: it could {motion}; hold it by [sides] "
+                f'such as left = "rigid" or bottom = "roller"{join}'
             )
     return loose
 
@@ -70,7 +72,7 @@ class CutPair:
         for _, triangles, along in bodies:
             meshes.append(mesh_of(triangles._replace(leaf=row[triangles.leaf])))
             if not len(meshes[-1].place):
-                raise UnlikeError("they leave nothing of the body")
+                raise UnlikeError(body.asked.nothing_left)
             edges.append(Border.of(meshes[-1], body, along))
         self.borders = edges[0], edges[1]
         (laws, others), self.along = (one[0] for one in bodies), bodies[1][2]

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import io
 import os
-import re
 import sys
 from pathlib import Path
 from typing import Annotated, NoReturn, TextIO
@@ -60,7 +59,7 @@ def main() -> None:
         Path.cwd()  # fails where it was deleted, and every path counts from it
         app()
     except KajuError as error:
-        _end(re.sub("^goal:", "--at:", str(error)))
+        _end(str(error))
     except MemoryError as error:
         _end(f"there is not enough memory ({error}); take a coarser or a smaller body")
     except OSError as error:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import json
+from contextlib import nullcontext
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -13,6 +14,9 @@ from kaju.errors import ParameterError, ResultFileError
 from kaju.files import atomic_file
 
 from .options import Force, Json, Settings, refuse_to_replace, scene_of, worked_plate
+
+if TYPE_CHECKING:
+    from kaju.model.scene import Scene
 
 Language = StrEnum("Language", "en de ja")
 
@@ -32,7 +36,8 @@ def check(
     if file.suffix != ".toml" and (file.suffix in (".npz", ".xdmf") or file.is_dir()):
         _check_result(file, as_json)
     else:
-        _check_scene(file, settings, as_json)
+        with scene_of(file, settings) as scene:
+            _check_scene(scene, as_json)
 
 
 def _check_result(file: Path, as_json: bool) -> None:
@@ -56,26 +61,25 @@ def _check_result(file: Path, as_json: bool) -> None:
     raise typer.Exit(0 if all(check.holds for check in checks) else 1)
 
 
-def _check_scene(scene: Path, settings: list[str] | None, as_json: bool) -> None:
+def _check_scene(scene: Scene, as_json: bool) -> None:
     from kaju.model.transfer.stability import stability
 
-    described = scene_of(scene, settings)
-    for note in () if as_json else described.notes:
+    for note in () if as_json else scene.notes:
         typer.echo(f"note: {note}")
-    if described.outlined or described.rule.kind == "elastic":  # nothing that loads could grow by
-        _begin(described)
+    if scene.outlined or scene.rule.kind == "elastic":  # nothing that loads could grow by
+        _begin(scene)
         words = "no mistake was found in the scene; compute it with kaju solve"
-        told = {"stable": True, "verdict": words, "notes": described.notes}
+        told = {"stable": True, "verdict": words, "notes": scene.notes}
         typer.echo(json.dumps(told) if as_json else words)
         return
-    certificate = stability(described)
+    certificate = stability(scene)
     radius, alone = certificate.spectral_radius, certificate.largest_share
     bounds = [certificate.lower, certificate.upper]
     if as_json:
         verdict = {
             "stable": certificate.stable,
             "verdict": certificate.verdict,
-            "notes": described.notes,
+            "notes": scene.notes,
             "largest_share": alone,
             "spectral_radius": radius,
             "spectral_radius_bounds": bounds,
@@ -204,8 +208,10 @@ def page(
     is_scene = file.suffix == ".toml"
     if settings and not is_scene:
         raise ParameterError("--set: changes a scene, and this is a stored result; leave --set out")
-    shown: Any = scene_of(file, settings) if is_scene else load_result(file)
+    of: Any = scene_of(file, settings) if is_scene else nullcontext(load_result(file))
     called = file.stem.replace("-", " ").replace("_", " ").capitalize()
-    headline = title or (called if is_scene else f"{shown.kind.capitalize()}: {file.stem}")
-    export_page(shown, target, title=headline, language=language and language.value, python=python)
+    with of as shown:
+        headline = title or (called if is_scene else f"{shown.kind.capitalize()}: {file.stem}")
+        told: Any = {"title": headline, "language": language and language.value}
+        export_page(shown, target, python=python, **told)
     typer.echo(f"{target}: open it in a browser")

@@ -101,13 +101,11 @@ def _beside(
         f"{other}: a scene is compared with elasticity; to compare its run with another "
         f"result, run it first (kaju run {judged}), then compare its folder",
     )
-    scene = scene_of(judged, settings)
-    require(
-        not scene.outlined,
-        "body.regions: no rule runs within true outlines; compare two answers of kaju solve",
-    )
     try:
-        found = beside_elasticity(scene, resolution=resolution, evaluations=fit)
+        with scene_of(judged, settings) as scene:
+            told = "body.regions: no rule runs within true outlines; compare answers of kaju solve"
+            require(not scene.outlined, told)
+            found = beside_elasticity(scene, resolution=resolution, evaluations=fit)
     except KeyboardInterrupt as stop:
         found = best_of(stop, RuleStudy)
     return found, words_beside(found), pictures_beside

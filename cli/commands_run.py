@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Callable
 from enum import StrEnum
 from inspect import Signature, signature
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -19,23 +18,17 @@ from .console import Console, Folder
 
 if TYPE_CHECKING:
     from kaju.model.results.result import Result
-    from kaju.model.scene import Scene
+
+Say = Callable[..., None]
+"""Prints lines for people."""
 
 # What options can be, for the shell to complete.
 Measure = StrEnum("Measure", "force stress strain energy")
 GrowthRule = StrEnum("GrowthRule", "compliance remodelling stress")
 
 
-class Task(NamedTuple):
-    """What a verb computes: a scene of a file, and where it says what it does."""
-
-    file: Path
-    scene: Scene
-    console: Console
-
-
 def of_a_scene(ending: str) -> Callable[[Callable[..., Result]], Callable[..., None]]:
-    """Let a function of a `Task` and of options of its own be a verb, with the options of all.
+    """Let a function of a scene, of what says lines, and of options be a verb, with those of all.
 
     The verb prints the result's key figures and writes its folder, called by scene and `ending`.
     After Ctrl-C (exit code 130), or a missed tolerance, what there is goes without pictures.
@@ -56,11 +49,11 @@ def of_a_scene(ending: str) -> Callable[[Callable[..., Result]], Callable[..., N
             from kaju.model.results.result import Result
 
             console, name = Console(as_json, quiet), "scene" if scene.stem == "-" else scene.stem
-            task = Task(scene, options.scene_of(scene, settings), console)
-            target = Folder(out or Path(f"{name}-{ending}"), force)
             drawn = options.Drawn.none if no_pictures else pictures
             try:
-                result = do(task, **own)
+                with options.scene_of(scene, settings) as described:
+                    target = Folder(out or Path(f"{name}-{ending}"), force)
+                    result = do(described, console.say, **own)
             except KeyboardInterrupt as stop:
                 best = options.best_of(stop, Result)
                 console.figures(best.summary())
@@ -78,7 +71,7 @@ def of_a_scene(ending: str) -> Callable[[Callable[..., Result]], Callable[..., N
 
         # Typer reads the options of all and the verb's own from one signature.
         shared = list(signature(command, eval_str=True).parameters.values())[:-1]
-        every = [*shared, *list(signature(do, eval_str=True).parameters.values())[1:]]
+        every = [*shared, *list(signature(do, eval_str=True).parameters.values())[2:]]
         command.__name__, command.__doc__ = do.__name__, do.__doc__
         command.__annotations__ = {each.name: each.annotation for each in every}
         command.__signature__ = Signature(every)  # type: ignore[attr-defined]
@@ -143,7 +136,8 @@ A load that is not above γ ends.                └───────┘
 
 @of_a_scene("result")
 def run(
-    task: Task,
+    scene: Any,
+    say: Say,
     allow_unstable: Annotated[
         bool, typer.Option("--allow-unstable", help="Run although the loads will grow.")
     ] = False,
@@ -154,7 +148,7 @@ def run(
     Writes summary.json, result.npz and a picture. Of an elastic rule order, share, threshold and
     tolerance are obeyed; for the answer of elasticity itself see `kaju solve`.
     """
-    scene = task.scene if resolution is None else task.scene.refine(resolution)
+    scene = scene if resolution is None else scene.refine(resolution)
     result: Result
     if scene.rule.kind == "elastic":
         from kaju.model.elastic.relaxation.elastic_model import ElasticModel
@@ -164,21 +158,22 @@ def run(
         from kaju.model.transfer.load_transfer import LoadTransfer
 
         result = LoadTransfer(scene, allow_unstable).reset().run()
-    task.console.say(f"agents of the {scene.rule.kind} rule: {result.outcome}")
+    say(f"agents of the {scene.rule.kind} rule: {result.outcome}")
     if scene.rule.kind != "elastic":
-        task.console.say(THE_RULE)
+        say(THE_RULE)
     return result
 
 
 @of_a_scene("solved")
 def solve(
-    task: Task,
+    scene: Any,
+    say: Say,
     resolution: options.Resolution = None,
     tolerance: Annotated[
         float | None,
         options.share("Largest error allowed, a share in the energy norm; 0.01 or 1%."),
     ] = None,
-    at: options.Places = None,
+    goal: options.Goal = None,
 ) -> Any:
     """Solve a scene as linear elasticity, whatever its rule.
 
@@ -187,15 +182,16 @@ def solve(
     """
     from kaju.model.study.solving import solve as solve_scene
 
-    goal = options.places_of(at)
-    found: Result = solve_scene(task.scene, tolerance, resolution=resolution, goal=goal)
-    task.console.say("solved as linear elasticity")
+    asked = options.goals_of(goal)
+    found: Result = solve_scene(scene, tolerance, resolution=resolution, goal=asked)
+    say("solved as linear elasticity")
     return found
 
 
 @of_a_scene("creep")
 def creep(
-    task: Task,
+    scene: Any,
+    say: Say,
     hold: Annotated[
         float | None,
         typer.Option(metavar="SECONDS", help="Apply the loads and hold them, without a history."),
@@ -210,7 +206,6 @@ def creep(
     Writes summary.json, result.npz and a picture: displacement, stress and energies over time.
     `kaju animate` makes a film of the folder.
     """
-    scene = task.scene
     if (scene.history is None) == (hold is None):
         raise ParameterError(
             "--hold: a scene without [history] needs --hold SECONDS, such as --hold 10"
@@ -218,25 +213,24 @@ def creep(
             else "--hold: the scene has a [history] of its own, so leave this out"
         )
     from kaju.agents.elastic_rule import ElasticRule
-    from kaju.agents.rules import PrescribedRule
     from kaju.model.rheology.creeping import creep as let_creep
     from kaju.model.rheology.load_history import History
 
     history = History.step().hold(hold) if hold is not None else scene.history
     # A rule that nobody wrote is none: the body creeps as an elastic one.
-    said = task.file.is_file() and "rule" in tomllib.loads(task.file.read_text())
-    if not said and scene.rule == PrescribedRule() and scene.lattice.boxes:
+    if "rule" not in scene.model_fields_set and scene.lattice.boxes:
         scene = scene.replace(rule=ElasticRule())
     found = let_creep(scene, history, duration)
-    task.console.say(f"the body in time, by the {scene.rule.kind} rule")
+    say(f"the body in time, by the {scene.rule.kind} rule")
     if not any(material.rheology for material in scene.cell_materials):
-        task.console.say("no material has a rheology: all of them are elastic, nothing creeps")
+        say("no material has a rheology: all of them are elastic, nothing creeps")
     return found
 
 
 @of_a_scene("broken")
 def break_(
-    task: Task,
+    scene: Any,
+    say: Say,
     strength: Annotated[
         float | None,
         typer.Option(
@@ -262,14 +256,15 @@ def break_(
 
     how: dict[str, Any] = {"measure": measure and measure.value}
     how["scatter"] = 0.1 if scatter is None else scatter
-    result = FractureModel(task.scene, strength=strength, most_breaks=most, seed=seed, **how).run()
-    task.console.say(f"{result.breaks} {result.parts}s broke, one at a time; {result.outcome}")
+    result = FractureModel(scene, strength=strength, most_breaks=most, seed=seed, **how).run()
+    say(f"{result.breaks} {result.parts}s broke, one at a time; {result.outcome}")
     return result
 
 
 @of_a_scene("grown")
 def grow(
-    task: Task,
+    scene: Any,
+    say: Say,
     rule: Annotated[
         GrowthRule, typer.Option(help="How cells grow by what they feel.")
     ] = GrowthRule.compliance,
@@ -293,6 +288,6 @@ def grow(
     from kaju.model.growth.growth_model import GrowthModel
 
     how: dict[str, Any] = {"rule": rule.value, "volume": 0.5 if volume is None else volume}
-    grown = GrowthModel(task.scene, filter_radius=radius, most_steps=steps, **how).run()
-    task.console.say(f"cells grew by the rule of {rule}; {grown.outcome}")
+    grown = GrowthModel(scene, filter_radius=radius, most_steps=steps, **how).run()
+    say(f"cells grew by the rule of {rule}; {grown.outcome}")
     return grown

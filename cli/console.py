@@ -44,7 +44,7 @@ MEANINGS = {
     "generations": "rounds in which agents acted or spawned",
     "grey": "0: every cell is full or empty; 1: all are half full",
     "largest_change": "of a density, in the last step",
-    "largest_hoop_stress_Pa": "along the edge of the body, at that outline",
+    "largest_hoop_stress_Pa": "the largest by amount along that outline; below 0 it is pressed",
     "largest_load_factor": "times the loads of the scene",
     "load_dropped": "not above γ, so it woke nobody",
     "load_taken": "by all agents; a load counts again in each that passes it on",

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
+from contextlib import contextmanager
 from enum import StrEnum
 from importlib.resources import files
 from pathlib import Path
@@ -65,9 +67,10 @@ Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but er
 Resolution = Annotated[
     int | None, typer.Option(min=1, metavar="N", help="Split every cell into N along each axis.")
 ]
-Places = Annotated[
+Goal = Annotated[
     list[str] | None,
     typer.Option(
+        "--goal",
         "--at",
         metavar="PLACE",
         help="What the tolerance is about: the deflection of a side such as top, of a point "
@@ -77,8 +80,8 @@ Places = Annotated[
 ]
 
 
-def places_of(words: list[str] | None) -> list[Any] | None:
-    """Return what ``--at PLACE`` asks for: numbers and regions as such, anything else as a name."""
+def goals_of(words: list[str] | None) -> list[Any] | None:
+    """Return what ``--goal`` asks for: numbers and regions as such, anything else as a name."""
     found = []
     for word in words or []:
         try:
@@ -88,9 +91,10 @@ def places_of(words: list[str] | None) -> list[Any] | None:
     return found or None
 
 
-def scene_of(path: Path, settings: list[str] | None = None) -> Scene:
-    """Return the scene of a file, changed by ``--set KEY=VALUE``."""
-    from kaju.model.scene import load_scene
+@contextmanager
+def scene_of(path: Path, settings: list[str] | None = None) -> Iterator[Scene]:
+    """Yield the scene of a file, changed by ``--set KEY=VALUE``; its errors name file and line."""
+    from kaju.model.scene import load_scene, named
 
     described, changes = load_scene(path), {}
     for setting in settings or ():
@@ -105,7 +109,8 @@ def scene_of(path: Path, settings: list[str] | None = None) -> Scene:
         if given != getattr(type(rule), key, None) and f"rule.{key}" not in changes:
             told = f"another kind of rule begins anew, without rule.{key} = {given} of the file"
             typer.echo(f"--set: {told}; set it, too, to keep it", err=True)
-    return changed
+    with named(path, path.read_text("utf-8") if path.is_file() else "", changes):
+        yield changed
 
 
 def best_of(stop: KeyboardInterrupt, kind: type[Any]) -> Any:

@@ -228,7 +228,8 @@ def stress_text(result: ElasticResult) -> str:
     for goal in result.goals:
         far = goal.components[0] if len(goal.components) == 1 else hypot(*goal.components)
         told = quantity(far, goal.figures()["unit"])
-        asked += f"asked for: {told}, error {100.0 * goal.relative_error:.2g} %; "
+        largest = ", largest by amount" if getattr(goal.quantity, "component", "") == "hoop" else ""
+        asked += f"asked for{largest}: {told}, error {100.0 * goal.relative_error:.2g} %; "
     found = result.largest_stress
     at = ", ".join(quantity(place, "m") for place in found.at)
     words = f"{asked}largest stress {quantity(found.value, 'Pa')} at ({at})"

@@ -9,11 +9,11 @@ cells and faces these are).
 from .description import Body, LoadTable
 from .lattice import Lattice
 from .regions import LoadRegion, Region, RegionImage
-from .scene import Scene, body_cells, load_scene, scene_needed
+from .scene import Scene, body_cells, load_scene, named, scene_needed
 from .selection import AppliedLoads
 from .sides import SideCondition
 
 __all__ = [
     "AppliedLoads", "Body", "Lattice", "LoadRegion", "LoadTable", "Region", "RegionImage",
-    "Scene", "SideCondition", "body_cells", "load_scene", "scene_needed",
+    "Scene", "SideCondition", "body_cells", "load_scene", "named", "scene_needed",
 ]  # fmt: skip

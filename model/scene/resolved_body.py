@@ -475,7 +475,9 @@ def check_outlines(scene: Description, body: ResolvedBody) -> None:
                 raise SceneError(f"{where}.side: {load.side} is held; load a side that is free")
     for refused, told in _unproved(scene, body):
         if refused:
-            raise SceneError(f'{told}, or take outline = "cells": true outlines cannot have this')
+            key, _, remedy = told.partition(": ")
+            what = f'is not possible within true outlines; {remedy}, or take outline = "cells"'
+            raise SceneError(f"{key}: {what}")
 
 
 def _unproved(scene: Description, body: ResolvedBody) -> Iterator[tuple[object, str]]:
@@ -498,11 +500,10 @@ def _unproved(scene: Description, body: ResolvedBody) -> Iterator[tuple[object, 
         soft = solid or own.plane != "strain" or material.poissons_ratio < 0.5
         yield not soft, f"materials.{material.name}.poissons_ratio: take less than 1/2"
     for name, side in scene.sides.items():
-        moved = side.kind == "displaced"
-        bed = side.kind == "foundation"
-        where = f"sides.{name}: is {'an elastic bed' if bed else 'moved'}"
-        yield bed or (moved and not solid), f"{where}; take rigid or roller"
-        yield moved and scene.loads, f"{where}; leave the loads out"
+        moved, where = side.displacement is not None, f"sides.{name}.displacement"
+        yield side.stiffness is not None, f"sides.{name}.stiffness: take rigid or roller"
+        yield moved and not solid, f"{where}: take rigid or roller"
+        yield moved and scene.loads, f"{where}: leave the loads out"
     for number, load in enumerate(scene.loads):
         several = isinstance(load.couple, tuple) and len(load.couple) > 1
         yield several, f"loads.{number}.couple: one number (N m) on a side is needed"

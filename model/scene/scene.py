@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Container, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from functools import cached_property
 from itertools import product
 from pathlib import Path
@@ -156,9 +157,8 @@ class Scene(Description):
         """The body of cells; refused where true outlines say what the body is."""
         if self.outlined:
             raise SceneError(
-                "body.regions: only kaju.solve, and in the plane SpawningModel, take "
-                'outline = "true"; for what needs cells (agents that pass loads on, creep, growth) '
-                'take outline = "cells" and small cells'
+                'body.regions: outline = "true" is for kaju solve (and SpawningModel) alone; for '
+                'agents that pass loads on, creep and growth take outline = "cells" and small cells'
             )
         return self._resolved
 
@@ -318,9 +318,11 @@ class Scene(Description):
         ``{"loads.0.steps": "1", "rule.threshold": 0.001}``: texts are read as TOML values.
         """
         table = table_of(self)
+        if "rule" not in self.model_fields_set:  # nobody wrote it
+            del table["rule"]
         one_share = any(path.startswith("rule.alpha.") for path in changes)
         if one_share and isinstance(self.rule, PrescribedRule):  # perhaps left to the dimension
-            table["rule"]["alpha"] = list(self.rule.alpha_in(self.lattice.dimension))
+            table.setdefault("rule", {})["alpha"] = list(self.rule.alpha_in(self.lattice.dimension))
         return Scene(**overridden(table, changes))
 
     def to_toml(self) -> str:
@@ -525,8 +527,15 @@ def load_scene(path: str | Path, overrides: Mapping[str, Any] | None = None) -> 
     hint = "; a scene is a TOML file (images: Scene.from_image, arrays: Scene.from_array)"
     text = text_of_file(path, SceneFileError, LONGEST, hint=hint)
     path = Path(path)
-    try:
+    with named(path, text, overrides or ()):
         table = with_shared(table_from(text), path.parent)
         return Scene(**located(overridden(table, overrides or {}), path.parent))
+
+
+@contextmanager
+def named(path: str | Path, text: str, changed: Container[str] = ()) -> Iterator[None]:
+    """Let errors of a scene begin with its file, and the line of the key that they name."""
+    try:
+        yield
     except SceneError as error:
-        raise type(error)(f"{path}: {with_lines(text, str(error), overrides or ())}") from None
+        raise type(error)(f"{path}: {with_lines(text, str(error), changed)}") from None

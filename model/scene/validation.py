@@ -292,6 +292,8 @@ def _places(text: str) -> Iterator[tuple[str, int]]:
         if header:
             head = _unquoted(header[2])
             if header[1] == "[[":
+                if head not in items:
+                    yield head, number
                 items[head] = items.get(head, -1) + 1
                 head = f"{head}.{items[head]}"
             yield head, number

@@ -79,7 +79,6 @@ def atomic_file(target: Path, error: type[KajuError]) -> Iterator[Path]:
         scratch.touch(exist_ok=False)
         try:
             yield scratch
-            _to_disk(scratch)
             scratch.replace(place)
         finally:
             scratch.unlink(missing_ok=True)
@@ -100,8 +99,6 @@ def hidden_folder(target: Path, error: type[KajuError]) -> Iterator[Path]:
 
 def move_into_place(scratch: Path, target: Path) -> None:
     """Give a whole folder its name in one step; there must be nothing but an empty folder."""
-    for path in (*scratch.rglob("*"), scratch):
-        _to_disk(path)
     scratch.replace(os.path.realpath(target))  # the system refuses one that is not empty
 
 
@@ -127,14 +124,3 @@ def _named_errors(target: Path, error: type[KajuError]) -> Iterator[None]:
 
 def _new_name(folder: Path, suffix: str = "") -> Path:
     return folder / f".kaju-{secrets.token_hex(8)}{suffix}"
-
-
-def _to_disk(path: Path) -> None:
-    """Wait until a file, or a folder's entries, are on the disk: no name outlives its content."""
-    if os.name == "nt" and path.is_dir():
-        return  # folders cannot be opened there
-    handle = os.open(path, os.O_RDONLY)
-    try:
-        os.fsync(handle)
-    finally:
-        os.close(handle)

@@ -260,7 +260,7 @@ HOLE = disk(0.05, 0.05, 0.02, "air", "hole")
     ("change", "key"),
     [
         ({"body.lattice": "hexagon"}, "body.lattice"),
-        ({"sides.left": {"stiffness": 1e9}}, "sides.left"),
+        ({"sides.left": {"stiffness": 1e9}}, "sides.left.stiffness"),
         ({"body.regions": [HOLE | {"material": "rigid"}]}, "body.regions.0.material"),
         ({"body.material": "air"}, "body.regions"),
         ({"body.regions": [HOLE, HOLE]}, "body.regions.1.name"),

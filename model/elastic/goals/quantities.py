@@ -74,8 +74,8 @@ class Stress(_Parsed):
     at : point, box or side
         The mean counts, unless it is a point.
     component : str
-        Such as "yy" or "xy", or "von_mises": the equivalent stress; or "hoop": the largest along
-        the true outline of the region that `at` names.
+        Such as "yy" or "xy", or "von_mises": the equivalent stress; or "hoop": the largest by
+        amount along the true outline of the region that `at` names; below 0 it is pressed.
 
     Examples
     --------
@@ -228,6 +228,8 @@ def named(quantity: Quantity) -> str:
     """Return a quantity in a word or two."""
     values = [value for value in described(quantity).values() if value is not None]
     kind, at, *rest = values
+    if isinstance(quantity, Stress):
+        return f"{quantity.component} stress at {at}"
     return " ".join(
         [str(kind).lower(), f"at {at}" if kind != "Reaction" else str(at), *map(str, rest)]
     )

@@ -215,11 +215,10 @@ class CutAgents(PairAgents):
             peak, off = mega * float(along.moved[at]), mega * along.apart(at)
             # A peak that is off both fields there by more is noted.
             if off > 0.04 * abs(peak):
-                rough.append(f"{peak:.4g} MPa at {name!r}, off by about {off:.2g} MPa")
+                rough.append(f"{peak:.4g} MPa at {name!r} may be off by about {off:.2g} MPa")
         if rough:
             notes.append(
-                "largest hoop stress by the displacement, and how far the stress that balances is "
-                f"from it: {'; '.join(rough)}. Nothing of it is proved; goal='NAME' (--at NAME) "
-                "limits the error along one outline"
+                f"largest hoop stress, by amount: {'; '.join(rough)}. To limit its error, solve "
+                "with the outline as goal"
             )
         return notes

@@ -68,7 +68,7 @@ def peak_asked(scene: Scene, goal: AskedFor | None) -> Stress | Deflection | Non
     wrong = f"{brief(one)} cannot be asked for{near}"
     if more:
         wrong = f"one goal at a time, got {len(more) + 1}"
-    elif isinstance(first, Deflection) and at in SIDES:
+    elif isinstance(first, Deflection) and at in [*SIDES]:
         if at in free:
             return first
         wrong = f"{at} is held, and has no deflection to ask for"
@@ -124,11 +124,9 @@ class CutLoop(PairLoop):
                 break
             except VagueError as vague:
                 codes = vague.codes
-                lower = self.leaves.lower[np.isin(self.leaves.code, codes)].min(axis=0)
-                near = ", ".join(f"{x:.3g}" for x in UNIT * self.body.edge * lower)
                 why = UnlikeError(
-                    f"body.regions: outlines nearly touch themselves, others or a line of cells "
-                    f"near ({near}) m; move one a little, or change the number of cells"
+                    "body.regions: outlines nearly touch themselves, others or a line of cells; "
+                    "move one a little, or change the number of cells"
                 )
             except UnlikeError as error:
                 # coarse pieces may not hang together
@@ -254,7 +252,7 @@ class _Peak:
         often = coarse_along(pair, self._tolerance)
         if not len(along.place):
             if not often.any():
-                raise SceneError(f"goal: no part of the body ends along {self._asked.at!r}")
+                raise ParameterError(f"goal: no part of the body ends along {self._asked.at!r}")
             return self._aimed(np.zeros(len(pair.leaves)), often)
         at = int(np.abs(along.moved).argmax())
         self._value = float(along.moved[at])

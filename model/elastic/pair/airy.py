@@ -59,7 +59,8 @@ class Airy(Sheets):
         if len(rows):
             owner = self.mesh.owner[self.sides.beds]
             rows = rows * self.scale[owner, None]
-            beds = summed(np.einsum("bpi,bpj->bij", rows, rows), self.dof[owner], self.size)
+            every = sp.eye_array(self.size, format="csr")
+            beds = summed(rows.swapaxes(1, 2) @ rows, self.dof[owner], every)
         return Blocks(self.dof, matrices, self.h**-2.0, self.scale, self.size, beds, without_plane)
 
     def hanging(self) -> Entries:

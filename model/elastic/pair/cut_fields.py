@@ -22,6 +22,7 @@ from kaju.model.outline.true_shapes import TINY, Law
 from .cut_mesh import Border, CutMesh, slopes
 from .gap import tensors
 from .leaves import Entries, coo, followed
+from .levels import blocks_of
 from .sheets import Sheets
 
 SHORT = 0.1
@@ -45,27 +46,23 @@ class CutField:
 
     def settle(self, way: sp.csr_array, own: Floats, pull: Floats | float = 0.0) -> Floats:
         """Set own values, from some on, and return the unknowns that `way` makes the rest of."""
-        n, rows, many = self.root.shape
-        place = np.arange(n + 1)
-        blocks = sp.bsr_array((self.root, place[:-1], place), shape=(n * rows, n * many))
-        rooted = sp.csr_array(blocks @ way)
-        matrix = sp.csr_array(rooted.T @ rooted)
-        diagonal = matrix.diagonal()
-        scale = np.where(diagonal > 0.0, diagonal, 1.0) ** -0.5
-        both = sp.diags_array(scale)
-        factors = factors_of(both @ matrix @ both + sp.diags_array(1.0 * (diagonal <= 0.0)))
+        rooted = blocks_of(self.root) @ way
+        scale = np.bincount(rooted.indices, rooted.data**2, way.shape[1])
+        none, scale = scale == 0.0, np.where(scale > 0.0, scale, 1.0) ** -0.5
+        rooted.data *= scale[rooted.indices]
+        factors = factors_of(rooted.T @ rooted + sp.diags_array(1.0 * none))
         self.own, found = own, np.zeros(way.shape[1])
         # of needles rounding leaves the factors few digits
         for _ in range(20):
-            rest = pull - rooted.T @ self.felt.ravel()
-            turned = scale * factors.solve(scale * rest)
-            step = (way @ turned).reshape(n, many)
+            rest = scale * pull - rooted.T @ self.felt.ravel()
+            turned = factors.solve(rest)
+            step = (way @ (scale * turned)).reshape(own.shape)
             slope = float(rest @ turned)
             bent = float((np.einsum("nij,nj->ni", self.root, step) ** 2).sum())
             if slope <= 0.0 or bent <= 0.0:
                 break
             self.own = self.own + slope / bent * step
-            found = found + slope / bent * turned
+            found = found + slope / bent * scale * turned
             # The second step gains no more of the energy, but for needles.
             if 0.5 * slope**2 / bent < 1e-10 * float((self.felt**2).sum()):
                 break

@@ -74,7 +74,7 @@ class Fitting:
             points, weights = gauss(3, d - 1)
             root = np.sqrt(weights)[:, None] * quadratic_values(points)
             value = (sides.bed[beds] * area)[:, None, None] * (root.T @ root)
-            extra = summed(value, unknown, size)
+            extra = summed(value, unknown, sp.eye_array(size, format="csr"))
         return Blocks(dof, matrices, self.size ** (d - 2), None, size, extra)
 
     def fits(self, level: FieldLevel, begun: Floats, gap: float) -> None:

@@ -128,16 +128,17 @@ class LeafCells:
         # Where two materials meet at a face, the leaves on both sides have the same size: hanging
         # faces of a stiff large leaf would be held by its soft neighbours only.
         leaves, largest = self, int(self.size.max())
+        offsets = np.array(list(product((-1, 0, 1), repeat=self.dimension)))
+        across = np.abs(offsets).sum(axis=1) == 1  # a face, where materials may meet
         while True:
             asking = np.flatnonzero(leaves.size <= largest)
             lower, size, kind = (a[asking] for a in (leaves.lower, leaves.size, leaves.kind))
+            around = lower + offsets[:, None] * size[:, None]
+            other = leaves.find(around.reshape(-1, self.dimension)).reshape(len(offsets), -1)
+            unlike = across[:, None] & (leaves.kind[other] != kind)
+            too_large = leaves.size[other] > np.where(unlike, size, 2 * size)
             chosen = np.zeros(len(leaves), dtype=np.bool_)
-            for offset in product((-1, 0, 1), repeat=self.dimension):
-                other = leaves.find(lower + np.array(offset, dtype=np.int64) * size[:, None])
-                too_large = leaves.size[other] > 2 * size
-                if np.abs(offset).sum() == 1:  # across a face, where materials may meet
-                    too_large |= (leaves.size[other] > size) & (leaves.kind[other] != kind)
-                chosen[other[(other >= 0) & too_large]] = True
+            chosen[other[(other >= 0) & too_large]] = True
             if not chosen.any():
                 return leaves
             # Next only those can ask that are as small as the new ones.

@@ -22,7 +22,7 @@ from .leaves import LeafCells
 ENOUGH = 0.03
 """Of the gap: an iteration ends when its last step closed less. What is left is in the bound. To
 1e-3 on the plate, the hole and contrast 1000 0.01 takes as long, and 0.1 a tenth more agents."""
-DIRECT = 2_500
+DIRECT = 1_000
 """Up to so many unknowns factors are as quick as levels. On the same bodies to 3e-3 and 1e-3 4,000
 take up to a third longer, 2,000 as long; in space 4,000 take a fifth longer."""
 SWEEPS, LOWEST = 3, 6.0
@@ -30,11 +30,16 @@ SWEEPS, LOWEST = 3, 6.0
 smooths: on the same bodies 2 and 4, or 4 and 10, take as long within a tenth."""
 
 
-def summed(blocks: Floats, dof: Ints, size: int) -> sp.csr_array:
-    """Return the sum of small matrices, shape (n, m, m), of some unknowns each, shape (n, m)."""
-    index, m = dof.astype(np.int32), dof.shape[1]
-    at = np.repeat(index, m, axis=1).ravel(), np.tile(index, (1, m)).ravel()
-    return sp.csr_array((blocks.ravel(), at), shape=(size, size))
+def blocks_of(blocks: Floats) -> sp.csr_array:
+    """Return the matrix with these blocks, shape (n, k, m), on its diagonal."""
+    place = np.arange(len(blocks) + 1)
+    return sp.csr_array(sp.bsr_array((blocks, place[:-1], place)))
+
+
+def summed(blocks: Floats, dof: Ints, way: sp.csr_array) -> sp.csc_array:
+    """Return the sum of small matrices, (n, m, m), of unknowns, (n, m), that `way` makes."""
+    own = way[dof.ravel()]
+    return (blocks_of(blocks) @ own).T @ own
 
 
 def by_laws(laws: list[tuple[Ints | slice, Floats]], own: Floats) -> Floats:
@@ -111,10 +116,8 @@ class Blocks:
         block *= self.weight[:, None, None]
         if self.scale is not None:
             block *= self.scale[:, :, None] * self.scale[:, None]
-        whole = summed(block, self.dof, self.size)
-        if self.extra is not None:
-            whole = sp.csr_array(whole + self.extra)
-        return sp.csc_array(way.T @ whole @ way)
+        whole = summed(block, self.dof, way)
+        return whole if self.extra is None else sp.csc_array(whole + way.T @ self.extra @ way)
 
 
 class FieldLevel:

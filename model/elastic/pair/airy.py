@@ -52,6 +52,14 @@ class Airy(Sheets):
         height = ends[:, (ends[..., 0] == right).all(axis=0), 1].min()
         return right - 0.5 * unit, height + 0.5 * unit
 
+    def on_cut(self, x: float, y: float) -> Flags:
+        """Tell which agents descend from first ones that a cut crosses."""
+        # So the functions of a generation are among those of the next one.
+        first = self.mesh.first[:, None]
+        low = self.mesh.leaves.lower // first * first
+        on = (low < [np.inf, y * self.cell]) & (low + first > np.array([x, y]) * self.cell)
+        return np.asarray(on.all(axis=1))
+
     def blocks(self, roots: list[tuple[Ints | slice, Floats]]) -> Blocks:
         """Return the compliance of the agents and of the beds."""
         matrices = [(agents, root[:, :16].T @ root[:, :16]) for agents, root in roots]

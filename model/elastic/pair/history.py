@@ -42,7 +42,7 @@ def settled(
         check_held(body, mesh, sides)
     else:
         family = descent(before.leaves, leaves)
-        mesh.part = before.mesh.part[family[0]]
+        mesh.part, mesh.first = (one[family[0]] for one in (before.mesh.part, before.mesh.first))
     # Loads and supports that move, each by themselves, then loads of goals: of the same equations.
     kind: Any = Opinions if d == 2 else Bricks
     acts = sides.cases
@@ -57,7 +57,7 @@ def settled(
         told.append(("phi", airy.blocks(fields[0].soft_roots), way, child_maps(True)))
     rubber = d == 2 and is_rubber(body.moduli, body.scene.plane)
     # Levels do not smooth what is nearly incompressible, in the plane.
-    direct, levels = 60_000 if rubber else DIRECT, []
+    direct, levels = 60_000 if rubber else DIRECT[d], []
     for number, (name, blocks, way, maps) in enumerate(told):
         if d == 3 and before is None and len(way[1]) > direct:
             level = FieldLevel(blocks, way[0], *hats_of(fields[0], *way))

@@ -227,6 +227,11 @@ class Mesh:
         return followed(entries, self.vertices + self.edges)
 
     @cached_property
+    def first(self) -> Ints:
+        """Edges of the first agents that agents descend from: their own, if not handed down."""
+        return self.leaves.size
+
+    @cached_property
     def part(self) -> Ints:
         """To which part of the body each agent belongs: agents joined by sides."""
         leaves, n = self.leaves, len(self.leaves)

@@ -22,9 +22,11 @@ from .leaves import LeafCells
 ENOUGH = 0.03
 """Of the gap: an iteration ends when its last step closed less. What is left is in the bound. To
 1e-3 on the plate, the hole and contrast 1000 0.01 takes as long, and 0.1 a tenth more agents."""
-DIRECT = 1_000
-"""Up to so many unknowns factors are as quick as levels. On the same bodies to 3e-3 and 1e-3 4,000
-take up to a third longer, 2,000 as long; in space 4,000 take a fifth longer."""
+DIRECT = {2: 800, 3: 2_500}
+"""Up to so many unknowns factors are as quick as levels, and in space as exact as tests of even
+stress ask for. To 0.02 and 0.01 2,000 take 1.2 times as long on a plate and an L, 400 as long as
+800; the same bodies with goals, and all from 3e-3 on, take as long with any. In space 1,000 take
+two thirds of the time on coarse cubes, 4,000 a fifth longer."""
 SWEEPS, LOWEST = 3, 6.0
 """Order of the smoother's polynomial, and the part of the largest eigenvalue down to which it
 smooths: on the same bodies 2 and 4, or 4 and 10, take as long within a tenth."""
@@ -32,8 +34,9 @@ smooths: on the same bodies 2 and 4, or 4 and 10, take as long within a tenth.""
 
 def blocks_of(blocks: Floats) -> sp.csr_array:
     """Return the matrix with these blocks, shape (n, k, m), on its diagonal."""
-    place = np.arange(len(blocks) + 1)
-    return sp.csr_array(sp.bsr_array((blocks, place[:-1], place)))
+    n, rows, many = blocks.shape
+    place, shape = np.arange(n + 1), (n * rows, n * many)
+    return sp.csr_array(sp.bsr_array((blocks, place[:-1], place), shape=shape))
 
 
 def summed(blocks: Floats, dof: Ints, way: sp.csr_array) -> sp.csc_array:

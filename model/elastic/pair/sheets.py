@@ -114,11 +114,18 @@ class Sheets:
         last = x[hole].max()
         return 0.5 * (last + x[x < last].max()), y
 
+    def on_cut(self, x: float, y: float) -> Flags:
+        """Tell which elements a cut crosses that goes to the right from a place."""
+        each, at = np.arange(len(self.corner)), self.place[self.corner]
+        low, high = (at[each, find(at[..., 1], axis=1)] for find in (np.argmin, np.argmax))
+        on = (low[:, 1] < y) & (y < high[:, 1])
+        run = (high - low)[on]
+        on[on] = low[on, 0] + (y - low[on, 1]) / run[:, 1] * run[:, 0] > x
+        return np.asarray(on)
+
     def _cut(self, borne: Flags) -> None:
         """Cut the body to the right of holes that are held or bear a force, the loops `cuts`."""
-        corner, each = self.corner, np.arange(len(self.corner))
-        at = self.place[corner]
-        low, high = (at[each, find(at[..., 1], axis=1)] for find in (np.argmin, np.argmax))
+        corner, at = self.corner, self.place[self.corner]
         self.cuts = np.flatnonzero(self.hole & (borne | ~self.closed.all(axis=1)))
         self.base, self.beyond = np.arange(self.vertices), np.zeros((self.vertices, 0), dtype=int)
         if not len(self.cuts):
@@ -126,11 +133,8 @@ class Sheets:
         sheet = np.zeros((*corner.shape, len(self.cuts)), dtype=np.int64)
         for cut, number in enumerate(self.cuts.tolist()):
             x, y = self.start_of(self.loop == number)
-            on = (low[:, 1] < y) & (y < high[:, 1])
-            run = (high - low)[on]
-            on[on] = low[on, 0] + (y - low[on, 1]) / run[:, 1] * run[:, 0] > x
             # An element on the cut sees what lies below it with the jump.
-            sheet[..., cut] = on[:, None] & (at[..., 1] < y)
+            sheet[..., cut] = self.on_cut(x, y)[:, None] & (at[..., 1] < y)
         some = np.isin(corner, corner[sheet.any(axis=2)])
         rows, place = np.unique(
             np.column_stack([corner[some], sheet[some]]), axis=0, return_inverse=True

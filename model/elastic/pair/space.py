@@ -164,7 +164,7 @@ def hats_of(found: Bricks, way: sp.csr_array, free: Ints) -> tuple[FieldLevel, s
         lower = leaves.lower[agent] // box
         corner = (lower[:, None] + corner_ends(3)) @ (1 << np.array([42, 21, 0]))
         key, hat = np.unique(corner, return_inverse=True)
-        if 3 * len(key) <= DIRECT:
+        if 3 * len(key) <= DIRECT[3]:
             break
         box *= 2
     weight, row = trilinear(mesh.place / box - lower), np.repeat(np.arange(mesh.vertices), 8)

@@ -150,8 +150,6 @@ class Opinions(Fitting):
     def on_beds(self) -> Floats:
         """Return what beds bear by both opinions at four points, scaled; shape (2, beds, 4)."""
         mesh, beds, stiffness = self.mesh, self.sides.beds, self.sides.bed[self.sides.beds, None]
-        if not len(beds):
-            return np.zeros((2, 0, 4))
         owner, side = mesh.owner[beds], mesh.side[beds]
         points, weight = gauss(4, 1)
         length, line = self.size[owner, None], points.ravel() - 0.5
@@ -199,7 +197,6 @@ class Opinions(Fitting):
         force = np.einsum("nj,njl->nl", sides.moved, edge_tractions()[mesh.side, 0])
         np.subtract.at(out, mesh.owner, force)
         out /= size[:, None]
-        if len(beds := sides.beds):
-            rows = bed_rows(mesh, sides, size)
-            np.add.at(out, mesh.owner[beds], np.einsum("bp,bpi->bi", self.on_beds()[0], rows))
+        rows = bed_rows(mesh, sides, size)
+        np.add.at(out, mesh.owner[sides.beds], np.einsum("bp,bpi->bi", self.on_beds()[0], rows))
         return out

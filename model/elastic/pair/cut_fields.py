@@ -47,10 +47,10 @@ class CutField:
     def settle(self, way: sp.csr_array, own: Floats, pull: Floats | float = 0.0) -> Floats:
         """Set own values, from some on, and return the unknowns that `way` makes the rest of."""
         rooted = blocks_of(self.root) @ way
-        scale = np.bincount(rooted.indices, rooted.data**2, way.shape[1])
-        none, scale = scale == 0.0, np.where(scale > 0.0, scale, 1.0) ** -0.5
+        square = np.bincount(rooted.indices, rooted.data**2, way.shape[1])
+        scale = np.where(square > 0.0, square, 1.0) ** -0.5
         rooted.data *= scale[rooted.indices]
-        factors = factors_of(rooted.T @ rooted + sp.diags_array(1.0 * none))
+        factors = factors_of(rooted.T @ rooted + sp.diags_array(1.0 * (square <= 0.0)))
         self.own, found = own, np.zeros(way.shape[1])
         # of needles rounding leaves the factors few digits
         for _ in range(20):

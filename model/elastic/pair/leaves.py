@@ -128,7 +128,7 @@ class LeafCells:
         # Where two materials meet at a face, the leaves on both sides have the same size: hanging
         # faces of a stiff large leaf would be held by its soft neighbours only.
         leaves, largest = self, int(self.size.max())
-        offsets = np.array(list(product((-1, 0, 1), repeat=self.dimension)))
+        offsets = np.array(list(product((-1, 0, 1), repeat=self.dimension)), dtype=np.int64)
         across = np.abs(offsets).sum(axis=1) == 1  # a face, where materials may meet
         while True:
             asking = np.flatnonzero(leaves.size <= largest)

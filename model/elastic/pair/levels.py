@@ -42,7 +42,7 @@ def blocks_of(blocks: Floats) -> sp.csr_array:
 def summed(blocks: Floats, dof: Ints, way: sp.csr_array) -> sp.csc_array:
     """Return the sum of small matrices, (n, m, m), of unknowns, (n, m), that `way` makes."""
     own = way[dof.ravel()]
-    return (blocks_of(blocks) @ own).T @ own
+    return sp.csc_array((blocks_of(blocks) @ own).T @ own)
 
 
 def by_laws(laws: list[tuple[Ints | slice, Floats]], own: Floats) -> Floats:
@@ -62,7 +62,7 @@ class Blocks:
     weight: Floats  # Multiples; shape (n,)
     scale: Floats | None  # What an agent's own unknowns are by the shared ones; shape (n, m)
     size: int  # Number of shared unknowns
-    extra: sp.csr_array | None = None  # Added to the sum: elastic beds
+    extra: sp.csc_array | None = None  # Added to the sum: elastic beds
     lighten: Callable[[Floats], Floats] | None = None
     """Takes from agents' own unknowns what their matrices make nothing of: else it is rounding."""
 

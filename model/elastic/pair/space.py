@@ -179,7 +179,7 @@ def hats_of(found: Bricks, way: sp.csr_array, free: Ints) -> tuple[FieldLevel, s
     diagonal = whole.diagonal()
     more = sp.diags_array(np.where(diagonal > 0.0, ROUNDED * diagonal, 1.0))
     none = np.zeros((0, 1), dtype=np.int64)
-    summed = Blocks(none, [], np.zeros(0), None, size, sp.csr_array(whole + more))
+    summed = Blocks(none, [], np.zeros(0), None, size, sp.csc_array(whole + more))
     return FieldLevel(summed, sp.eye_array(size, format="csr")), rise
 
 

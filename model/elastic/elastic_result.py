@@ -84,6 +84,8 @@ class ElasticResult(BodyResult):
     tolerance: float | None = None
 
     # What the agents say as it is.
+    name = property(lambda r: r.found.name, doc="What it is where it is compared with another.")
+    films = property(lambda r: r.found.films, doc="Names of its animations, the usual one first.")
     stage = property(lambda r: r.found.stage, doc="Stage of loading; None is the last.")
     spawned = property(lambda r: r.found.storage == "tree", doc="Whether agents spawned.")
     agents = property(lambda r: r.found.count, doc="Number of agents.")
@@ -102,16 +104,6 @@ class ElasticResult(BodyResult):
     def grid(self) -> Scene:
         """The scene on the cells that say where the body is; none of the agents crosses one."""
         return self.found.grid
-
-    @property
-    def films(self) -> tuple[str, ...]:
-        """Names of the animations of it, the usual one first."""
-        return ("loading", "generations", "gaps") if self.spawned else ("loading",)
-
-    @property
-    def name(self) -> str:
-        """Its name where it is compared with another answer."""
-        return "spawned agents" if self.spawned else "elasticity"
 
     @property
     def subdivision(self) -> int:
@@ -198,13 +190,12 @@ class ElasticResult(BodyResult):
         ResultError
             If agents spawned in space.
         """
-        energies = getattr(self.found, "energies", None)
-        if energies is None:
+        if self.found.energies is None:
             raise ResultError(
                 "energy: is not known of single agents in space; solve without a tolerance, for "
                 "equal cells"
             )
-        return np.asarray(self.found.scales.energy * energies)
+        return np.asarray(self.found.scales.energy * self.found.energies)
 
     @property
     def gap(self) -> Floats:
@@ -238,8 +229,7 @@ class ElasticResult(BodyResult):
         """
         found: Any = self.found
         if not self.spawned:
-            plane = self.scene.lattice.dimension == 2 and self.stiffness is None
-            if not plane or not np.isfinite(self.error_estimate):  # the energy has no limit
+            if self.scene.lattice.dimension == 3 or self.stiffness is not None:
                 return None
             try:
                 body = PosedBody(self.grid, self.stage)
@@ -247,7 +237,7 @@ class ElasticResult(BodyResult):
                 found = PairLoop(body, max(self.error_estimate, 1e-3))
                 while not found.finished and not (found.last and interrupt_requested()):
                     found.step()
-            except KajuError:  # agents cannot stand on it
+            except KajuError:  # agents cannot stand on it, or its energy has no limit
                 return None
         last = found.generations[-1]
         return None if last.lower is None else (last.lower, last.upper)

@@ -60,10 +60,6 @@ class PosedBody:
         self.extent = np.asarray(lattice.shape) * self.cell
         self._collect_loads()
 
-    def kinds_at(self, points: Ints) -> Ints:
-        """Return the kinds of unit cells, also outside the array."""
-        return self.scene.box_kinds(points // self.cell, 0)
-
     @cached_property
     def sharp(self) -> Ints:
         """The unit cells round points at which stress is singular; none in space."""

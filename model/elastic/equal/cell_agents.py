@@ -31,7 +31,9 @@ class CellAgents(OnCells):
     `origin` the cell of the grid that is its first.
     """
 
+    name: ClassVar[str] = "elasticity"
     storage: ClassVar[Literal["cells", "solid"]] = "cells"
+    films: ClassVar[tuple[str, ...]] = ("loading",)
     no_bound: ClassVar[str] = (
         "the error of equal cells is only estimated; with a tolerance agents spawn, and their "
         "error has a bound"

@@ -31,7 +31,9 @@ from .space import NO_BOUND
 class PairAgents(OnCells):
     """Agents of many sizes along a space-filling curve, and their generations; scaled."""
 
+    name: ClassVar[str] = "spawned agents"
     storage: ClassVar[Literal["tree"]] = "tree"
+    films: ClassVar[tuple[str, ...]] = ("loading", "generations", "gaps")
     stiffness: ClassVar[None] = None
     along: ClassVar[Any] = {}
     ground: PosedBody

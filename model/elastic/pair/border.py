@@ -73,7 +73,7 @@ def sides_of(body: PosedBody, mesh: Mesh) -> Sides:
     for side in range(2 * d):
         here = mesh.side == side
         unit[here] = beyond(leaves, side)[mesh.owner[here]]
-    kind = body.kinds_at(unit)
+    kind = body.scene.kinds(unit // body.cell)
     outer = ((unit < 0) | (unit >= body.extent)).any(axis=1)
     support = np.where(outer, mesh.side, 2 * d)
     held = np.isin(kind, (RIGID, DISPLACED))[:, None] | ((kind == ROLLER)[:, None] & across)

@@ -29,7 +29,7 @@ ROUND = np.array([[-1, -1], [0, -1], [0, 0], [-1, 0]])
 def sharp_corners(scene: Scene) -> Floats:
     """Return the points (m) at which stresses grow without limit; none in space."""
     lattice = scene.lattice
-    if lattice.dimension != 2 or lattice.kind != "square" or lattice.size > MOST_CELLS:
+    if lattice.dimension != 2 or lattice.size > MOST_CELLS:
         return np.empty((0, lattice.dimension))
     # A full box has none but at its own corners.
     ranges = [np.array([0, n]) if scene.uniform else np.arange(n + 1) for n in lattice.shape]
@@ -47,8 +47,6 @@ def sharp_corners(scene: Scene) -> Floats:
 def singular_at(scene: Scene, point: Floats) -> str:
     """Return why stresses have no limit at a point (m); empty if they have, or it is unknown."""
     lattice = scene.lattice
-    if not lattice.boxes:
-        return ""
     place = np.asarray(point, dtype=np.float64) / lattice.cell_size
     on_line = np.abs(place - np.rint(place)) <= ON_EDGE
     corner = np.where(on_line, np.rint(place), np.floor(place)).astype(np.int64)

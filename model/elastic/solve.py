@@ -74,9 +74,9 @@ def spawner_of(
                 'tolerance asks; leave them out, or take regions with outline = "cells"'
             )
         return CutLoop(OutlinedBody(scene), tolerance, most_agents, peak_asked(scene, goal))
-    quantities = asked(goal)
+    body, quantities = PosedBody(scene, stage, resolution), asked(goal)
     refuse_singular(scene, quantities)
-    return PairLoop(PosedBody(scene, stage, resolution), tolerance, most_agents, quantities)
+    return PairLoop(body, tolerance, most_agents, quantities)
 
 
 def solve_cells(

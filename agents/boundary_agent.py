@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from kaju._mesa import Cell
-from kaju.errors import AgentError
+from kaju.errors import AgentError, brief
 
 from .material_agent import PlacedAgent
 from .shares import Load
@@ -53,7 +53,11 @@ class BoundaryAgent(PlacedAgent):
 
     def give_back(self, load: Load, arm: int) -> Load | None:
         """Return the load that goes back to its sender, or None; it left the body over `arm`."""
-        return self.turn(load, arm)
+        back = self.turn(load, arm)
+        if not isinstance(back, Load):
+            told = "must return the load on its way back (give_back may return None), got"
+            raise self.model.engine.guard.wrong(self, "turn", f"{told} {brief(back)}")
+        return back
 
     def turn(self, load: Load, arm: int) -> Load:
         """Return the load on its way back."""

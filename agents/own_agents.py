@@ -19,7 +19,7 @@ from .materials import Material
 from .parameter import Declaration, Parameter, State, declared, is_number
 from .shares import Load, Sense, Shares
 
-HOOKS = {
+HOOKS: dict[type, tuple[str, ...]] = {
     MaterialAgent: ("take", "emissions", "pass_on", "shortening", "step"),
     BoundaryAgent: ("give_back", "turn"),
     FaceAgent: ("due", "take", "pass_on"),

@@ -14,7 +14,7 @@ from kaju.model.scene import Scene
 from kaju.model.stepper import Stepper, not_balanced
 
 from .array_engine import ArrayEngine
-from .stability import Certificate, certify, not_known
+from .stability import MOST_GROWN, Certificate, certify, not_known
 from .stage import Ledger, Stage
 from .transfer import Transfer
 from .transfer_result import TransferResult
@@ -98,7 +98,7 @@ class LoadTransfer(Stepper[TransferResult]):
         if pending == 0.0:
             return f"at rest after {generation} generations"
         watched = not (self.certificate.known or self.allow_unstable)
-        if not pending <= (1e3 if watched else 1e12) * applied:  # or NaN
+        if not pending <= (1e3 if watched else MOST_GROWN) * applied:  # or NaN
             remedy = (
                 "; to watch them grow further, set allow_unstable=True "
                 "(`kaju run --allow-unstable`)"

@@ -21,6 +21,9 @@ from kaju.model.scene import Scene
 from .array_engine import ArrayEngine
 from .transfer import Transfer, split_force
 
+MOST_GROWN = 1e12
+"""A run stops when its loads are more than so many times the applied ones."""
+
 
 @dataclass(frozen=True)
 class Certificate:
@@ -100,6 +103,12 @@ def certify(scene: Scene, transfer: Transfer) -> Certificate:
     else:
         unit = "generation" if generations == 1 else "generations"
         verdict = f"every load ends after at most {generations} {unit}"
+        if upper > 1.0 and generations * log(upper) > log(MOST_GROWN):
+            verdict += (
+                f", but there may be more and more loads: their sum grows by up to "
+                f"{100.0 * (upper - 1.0):.3g} % a generation, and a run stops when it is 1e12 "
+                "times the applied loads"
+            )
     stable = generations is not None
     return Certificate(
         lower, upper, radius, largest_share, generations, stable, verdict, known_to_end

@@ -10,6 +10,7 @@ grow slower and larger with each. The agents here are numbered from one that doe
 from __future__ import annotations
 
 import multiprocessing
+from inspect import Signature, signature
 from itertools import count
 from typing import Any
 from weakref import WeakKeyDictionary
@@ -31,6 +32,8 @@ try:  # Mesa has recorders from 3.5 on
     from mesa.experimental import data_collection
 except ImportError:
     data_collection: Any = None  # type: ignore[no-redef]
+
+from kaju.errors import AgentError  # noqa: E402
 
 multiprocessing.set_start_method(_before, force=True)
 
@@ -65,7 +68,26 @@ class Agent(mesa.Agent):
     _ids: Any = _numbers
 
 
-class FixedAgent(mesa.discrete_space.FixedAgent):
+class MadeByModels(type(mesa.Agent)):  # type: ignore[misc]
+    """The kind of classes whose agents only a model makes."""
+
+    def __call__(cls, *start: Any, **named: Any) -> Any:
+        """Make an agent; refuse a call without model and cell."""
+        if len(start) + len(named) < 2:
+            raise AgentError(
+                f"{cls.__name__}(): a model makes its agents, where loads arrive; give it the "
+                f"class itself, without brackets: {cls.__name__}"
+            )
+        return super().__call__(*start, **named)
+
+    @property
+    def __signature__(cls) -> Signature:
+        """What `inspect` and help tell of the class: the arguments of its `__init__`."""
+        begin = signature(cls.__init__)  # type: ignore[misc]
+        return begin.replace(parameters=[*begin.parameters.values()][1:])
+
+
+class FixedAgent(mesa.discrete_space.FixedAgent, metaclass=MadeByModels):
     """Mesa's agent of one cell."""
 
     _ids: Any = _numbers

@@ -153,13 +153,9 @@ def test_copies():
 
 @pytest.mark.skipif(not hasattr(mesa, "batch_run"), reason="Mesa 4 has none")
 def test_batch_run():
-    rows = mesa.batch_run(
-        LoadModel,
-        {"scene": [small()], "threshold": [0.01, 0.1], "material_agent": [Singing], "songs": [2]},
-        max_steps=50,
-        number_processes=1,
-        display_progress=False,
-    )
+    numbers = {"threshold": [0.01, 0.1], "material_agent": [Singing], "songs": [2], "rng": [7, 8]}
+    rows = mesa.batch_run(LoadModel, {"scene": [small()], **numbers}, display_progress=False)
+    assert [row["rng"] for row in rows] == [7, 8, 7, 8]
     assert {row["threshold"] for row in rows} == {0.01, 0.1}
     assert {row["songs"] for row in rows} == {2}
 

@@ -6,6 +6,7 @@ from plates import loaded, plate
 from transfer_answers import ENGINES
 
 from kaju import ElasticRule, FreeBoundaryAgent, LoadModel, MaterialAgent, PrescribedRule, Shares
+from kaju.errors import AgentError
 
 
 def column(force=-1.0, cells=6, threshold=0.05, alpha=(0.5, 0.8, 0.0), **rule):
@@ -31,6 +32,11 @@ def test_of_own_agents_nothing_is_known_and_growth_is_watched():
     assert stage.ledger.imbalance < 1e-12
     further = LoadModel(column(), material_agent=Growing, allow_unstable=True).run()
     assert further.last.ledger.pending > 1e12
+
+
+def test_a_class_is_given_and_not_an_agent():
+    with pytest.raises(AgentError, match="without brackets: Growing"):
+        LoadModel(column(), material_agent=Growing())
 
 
 class Felt(FreeBoundaryAgent):

@@ -51,6 +51,12 @@ def test_a_share_of_one_never_ends():
     assert stage.outcome == "stopped after max_generations = 30 with loads on their way"
 
 
+def test_loads_that_end_one_by_one_may_grow_together():
+    scene = Scene(**PLATE, rule=PrescribedRule(alpha=(0.1, 0.9, 0.9), threshold=1e-6))
+    assert "their sum grows by up to 173 % a generation" in stability(scene).verdict
+    assert "grown to" in LoadModel(scene, engine="arrays").run().last.outcome
+
+
 def test_a_share_of_one_in_one_material_alone_may_end_and_is_watched():
     """Loads that end only after more generations than are tried are not said never to end."""
     body = {"cell_size": 0.01, "drawing": "s" * 400 + "r" + "s" * 400}

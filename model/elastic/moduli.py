@@ -33,8 +33,6 @@ def moduli_at(moduli: Moduli, kinds: NDArray[np.integer] | slice) -> Moduli:
 
 def by_law(law: Floats) -> list[tuple[Ints | slice, Floats]]:
     """Return which entries have each law, and its moduli, of moduli of shape (3, n)."""
-    if not law.size:
-        return []
     if np.all(law == law[:, :1]):
         return [(slice(None), law[:, 0])]
     laws, which = np.unique(law, axis=1, return_inverse=True)

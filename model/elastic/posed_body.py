@@ -68,13 +68,6 @@ class PosedBody:
         corner = np.rint(sharp_corners(self.scene) / self.scene.lattice.cell_size)
         return np.asarray(corner[:, None] * self.cell + ROUND, dtype=np.int64).reshape(-1, 2)
 
-    def beyond(self, side: int) -> tuple[Floats, float]:
-        """Return the scaled displacement of what is beyond a side, and its stiffness per area."""
-        condition = self.scene.side_condition(self.scene.lattice.sides[side])
-        moved = np.asarray(condition.displacement or np.zeros(self.dimension))
-        bed = (condition.stiffness or 0.0) * self.scales.length / self.scales.modulus
-        return moved / self.scales.displacement, bed
-
     def start(self) -> LeafCells:
         """Return the first leaves: as large as body, supports and loads allow."""
         lower, upper = self.scene.bounds()

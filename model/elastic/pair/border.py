@@ -77,9 +77,11 @@ def sides_of(body: PosedBody, mesh: Mesh) -> Sides:
     outer = ((unit < 0) | (unit >= body.extent)).any(axis=1)
     support = np.where(outer, mesh.side, 2 * d)
     held = np.isin(kind, (RIGID, DISPLACED))[:, None] | ((kind == ROLLER)[:, None] & across)
-    moved, bed = np.zeros((m, d)), np.zeros(m)
-    for side in range(2 * d):
-        moved[support == side], stiffness = body.beyond(side)
+    moved, bed, scales = np.zeros((m, d)), np.zeros(m), body.scales
+    for side, name in enumerate(body.scene.lattice.sides):
+        condition = body.scene.side_condition(name)
+        moved[support == side] = np.array(condition.displacement or [0.0] * d) / scales.displacement
+        stiffness = (condition.stiffness or 0.0) * scales.length / scales.modulus
         bed[(support == side) & (kind == FOUNDATION)] = stiffness
     moved[~held] = 0.0
     shift = _common_shift(moved, held, bed)

@@ -29,7 +29,7 @@ from kaju.model.rheology.load_history import History
 from .cell_types import NOT_BODY
 from .lattice import BUILT_IN, Lattice, check_lattice, lattice_given
 from .regions import LoadRegion, Region
-from .sides import SideCondition
+from .sides import SideCondition, check_side
 from .validation import (
     Coordinate,
     Count,
@@ -41,6 +41,7 @@ from .validation import (
     Text,
     built_by,
     check_axes,
+    one_given,
     optional,
     read_toml,
     with_lines,
@@ -295,27 +296,30 @@ class LoadTable(Described):
 
     @model_validator(mode="after")
     def _one_place_one_load(self) -> LoadTable:
-        places = [self.cell, self.point, self.region, self.outline]
-        count = sum(place is not None for place in places)
-        require(
-            count == 1 or (count == 0 and self.side is not None),
-            "cell: a load acts in one place: give cell, point, region, outline, or side alone",
-        )
-        alone = self.side is None or (self.region is None and self.outline is None)
-        require(alone, "side: a region selects its own faces, and an outline all; leave side out")
-        given = [
-            name for name in ("force", "pressure", "couple") if getattr(self, name) is not None
-        ]
-        sloped = self.pressure_slope is None or given == ["pressure"]
-        require(sloped, "pressure_slope: needs pressure, its value at the origin (Pa)")
-        told = "force: give either force (N) or pressure (Pa) or couple (N m), and not both"
-        require(len(given) == 1, told)
-        single = self.cell is not None or self.point is not None
+        places = [k for k in ("cell", "point", "region", "outline") if getattr(self, k) is not None]
+        told = "cell: a load acts in one place: give cell, point, region, outline, or side alone"
+        require(len(places) == 1 or (not places and self.side is not None), told)
+        told = "side: a region selects its own faces, and an outline all; leave side out"
+        require(self.side is None or not {"region", "outline"} & {*places}, told)
+        given = one_given(self, ("force", "pressure", "couple"), "force: a load has exactly one of")
+        told = "pressure_slope: needs pressure, its value at the origin (Pa)"
+        require(self.pressure_slope is None or given == "pressure", told)
         told = "couple: a single cell has no lever; let it act on a side or a region"
-        require(self.couple is None or not single, told)
-        acts = np.any(getattr(self, given[0])) or any(self.pressure_slope or ())
-        require(bool(acts), f"{given[0]}: is zero; leave the load out")
+        require(given != "couple" or not {"cell", "point"} & {*places}, told)
+        acts = np.any(getattr(self, given)) or any(self.pressure_slope or ())
+        require(bool(acts), f"{given}: is zero; leave the load out")
         return self
+
+    def check_in(self, lattice: Lattice, where: str) -> None:
+        """Refuse numbers that are not those of a lattice's axes, and sides that it has not."""
+        for key in ("force", "pressure_slope"):
+            if getattr(self, key) is not None:
+                check_axes(getattr(self, key), lattice.dimension, f"{where}.{key}")
+        if self.couple is not None and np.size(self.couple) != 2 * lattice.dimension - 3:
+            needed = "three numbers" if lattice.dimension == 3 else "one number"
+            raise SceneError(f"{where}.couple: {needed} (N m) are needed, got {self.couple}")
+        if self.side is not None:
+            check_side(self.side, lattice.sides, f"{where}.side")
 
 
 _STEPS = {

@@ -212,13 +212,15 @@ class LoadRegion(_Shaped):
     as the edge of a hole; a force takes the cells inside.
     """
 
-    def flat_axis(self, cell_size: float, where: str) -> int | None:
+    def flat_axis(self, lattice: Lattice, where: str) -> int | None:
         """Return the axis along which the box has no thickness, None if it has volume."""
         assert self.box is not None
+        for corner in self.box:
+            check_axes(corner, lattice.dimension, where, "coordinates")
         spans = [high - low for low, high in zip(*self.box, strict=True)]
         if min(spans) < 0.0:
             raise _wrong_corners(self.box, where)
-        flat = [axis for axis, span in enumerate(spans) if span <= 1e-6 * cell_size]
+        flat = [axis for axis, span in enumerate(spans) if span <= 1e-6 * lattice.cell_size]
         if len(flat) > 1:
             raise SceneError(
                 f"{where}: has no thickness along {' and '.join('xyz'[axis] for axis in flat)}; "

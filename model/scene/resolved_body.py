@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import chain, product
 from math import prod
 
@@ -272,12 +272,9 @@ def _picture(body: Body, legend: Mapping[str, str]) -> Picture | None:
             f"legend: is needed to explain the {body.picture_key}, such as "
             '{"." = "air", "#" = "steel"}'
         )
-    if body.drawing is not None:
-        return from_drawing(body.drawing, legend)
-    if body.image is not None:
-        return from_image(body.image, legend, body.nearest_colour)
-    assert body.array is not None
-    return from_array(body.array, legend)
+    readers = {"drawing": from_drawing, "array": from_array}
+    readers["image"] = partial(from_image, nearest=body.nearest_colour)
+    return readers[body.picture_key](getattr(body, body.picture_key), legend)
 
 
 def _materials(
@@ -467,12 +464,9 @@ def check_outlines(scene: Description, body: ResolvedBody) -> None:
                 f"{where}.outline: there is no region called {load.outline!r}"
                 f"{suggestion(load.outline, names)}; give a region name = {load.outline!r}"
             )
-        if load.force is not None:
-            check_axes(load.force, body.lattice.dimension, f"{where}.force")
-        if load.side is not None:
-            check_side(load.side, body.lattice.sides, f"{where}.side")
-            if scene.sides.get(load.side, FREE).kind != "free":
-                raise SceneError(f"{where}.side: {load.side} is held; load a side that is free")
+        load.check_in(body.lattice, where)
+        if load.side is not None and scene.sides.get(load.side, FREE).kind != "free":
+            raise SceneError(f"{where}.side: {load.side} is held; load a side that is free")
     for refused, told in _unproved(scene, body):
         if refused:
             key, _, remedy = told.partition(": ")
@@ -505,8 +499,6 @@ def _unproved(scene: Description, body: ResolvedBody) -> Iterator[tuple[object, 
         yield moved and not solid, f"{where}: take rigid or roller"
         yield moved and scene.loads, f"{where}: leave the loads out"
     for number, load in enumerate(scene.loads):
-        several = isinstance(load.couple, tuple) and len(load.couple) > 1
-        yield several, f"loads.{number}.couple: one number (N m) on a side is needed"
         uneven = [key for key in ("couple", "pressure_slope") if solid or not load.side]
         for key in ("cell", "point", "region", *uneven):
             told = "load a side or an outline by a force or a pressure"

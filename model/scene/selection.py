@@ -23,7 +23,6 @@ from .description import LoadTable
 from .lattice import Cells, Lattice
 from .resolved_body import CellBox, ResolvedBody, count, grid, slabs
 from .shapes import Box, Shape
-from .sides import check_side
 
 MOST_FACES = 50_000_000
 """A load acts on at most this many faces or cells."""
@@ -165,14 +164,7 @@ def select(body: ResolvedBody, load: LoadTable, where: str) -> Selection:
             f"{where}.outline: no region called {load.outline!r} has a true outline; give one "
             'outline = "true"'
         )
-    for key in ("force", "pressure_slope"):
-        if getattr(load, key) is not None:
-            check_axes(getattr(load, key), lattice.dimension, f"{where}.{key}")
-    if load.couple is not None and np.size(load.couple) != 2 * lattice.dimension - 3:
-        needed = "three numbers" if lattice.dimension == 3 else "one number"
-        raise SceneError(f"{where}.couple: {needed} (N m) are needed, got {load.couple}")
-    if load.side is not None:
-        check_side(load.side, lattice.sides, f"{where}.side")
+    load.check_in(lattice, where)
     if load.cell is not None or load.point is not None:
         return _entered(body, load, where)
     if load.region is None:
@@ -189,9 +181,7 @@ def _in_box(body: ResolvedBody, load: LoadTable, corners: Corners, where: str) -
     """Return the surface in a box without thickness, or the cells in one with it."""
     lattice = body.lattice
     assert load.region is not None
-    for corner in corners:
-        check_axes(corner, lattice.dimension, where)
-    flat = load.region.flat_axis(lattice.cell_size, where)
+    flat = load.region.flat_axis(lattice, where)
     if flat is not None:
         return _faces_on_plane(body, corners, flat, where)
     if load.force is None:

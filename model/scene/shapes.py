@@ -255,40 +255,21 @@ class Cylinder(Described, Shape):
     radius: Length = Field(description="the radius (m), such as 0.02")
 
     @property
-    def _axis(self) -> tuple[Points, Points, float]:
-        start, end = np.array(self.ends)
-        length = float(np.linalg.norm(end - start))
-        return start, (end - start) / length, length
-
-    @property
     def extent(self) -> Extent:
         """The bounding box."""
-        reach = self.radius * np.sqrt(np.maximum(1.0 - self._axis[1] ** 2, 0.0))
-        ends = np.array(self.ends)
+        start, end = ends = np.array(self.ends)
+        along = (end - start) / np.linalg.norm(end - start)
+        reach = self.radius * np.sqrt(np.maximum(1.0 - along**2, 0.0))
         return ends.min(axis=0) - reach, ends.max(axis=0) + reach
-
-    def _places(self, points: Points) -> tuple[Floats, Points]:
-        """Return how far along the axis points lie, and the vectors from it to them."""
-        start, along, _ = self._axis
-        far = (points - start) @ along
-        return far, points - start - far[:, None] * along
 
     def level(self, points: Points, reach: float) -> Floats:
         """Return about how far (m) points lie outside."""
-        far, away = self._places(points)
-        beyond = np.maximum(-far, far - self._axis[2])
-        return np.asarray(np.maximum(beyond, np.linalg.norm(away, axis=1) - self.radius))
-
-    def relation(self, low: Points, high: Points) -> Relation:
-        """Tell how boxes lie to the shape."""
-        _, along, length = self._axis
-        far, away = self._places(0.5 * (low + high))
-        half, reach = 0.5 * (high - low), np.linalg.norm(away, axis=1)
-        out = away / np.where(reach > 0.0, reach, 1.0)[:, None]
-        beyond = np.maximum(-far, far - length) - half @ np.abs(along)
-        round_it = reach - self.radius - np.einsum("ni,ni->n", half, np.abs(out))
-        touch = TOUCH * (high - low)[:, 0]
-        return self._holds_corners(low, high), (beyond >= -touch) | (round_it >= 0.0)
+        start, end = np.array(self.ends)
+        length = np.linalg.norm(end - start)
+        along = (end - start) / length
+        far = (points - start) @ along
+        away = np.linalg.norm(points - start - far[:, None] * along, axis=1)
+        return np.asarray(np.maximum(np.maximum(-far, far - length), away - self.radius))
 
 
 @dataclass(frozen=True)

@@ -114,7 +114,7 @@ def test_a_side_moved_across_itself_lets_the_body_slide(tolerance):
         ({"region": {}, "pressure": 1.0}, "exactly one shape of box, disk, ball, ring, polygon"),
         ({"region": {"ball": {"centre": [0.1] * 3, "radius": 0.1}}, "pressure": 1.0}, "three dim"),
         ({"region": SHAPES["disk"], "pressure": 1.0}, "no free face"),
-        ({"side": "top", "force": [0.0, 1.0], "couple": 1.0}, "not both"),
+        ({"side": "top", "force": [0.0, 1.0], "couple": 1.0}, "got force, couple"),
         ({"side": "top", "couple": [1.0, 2.0, 3.0]}, "one number"),
         ({"cell": [3, 19], "couple": 1.0}, "a single cell has no lever"),
     ],

@@ -38,7 +38,6 @@ from kaju.model.elastic.posed_body import PosedBody
 from kaju.model.outline.posed_outlines import OutlinedBody
 from kaju.model.scene import Scene, body_cells
 from kaju.model.scene.regions import LoadRegion
-from kaju.model.scene.validation import check_axes
 
 if TYPE_CHECKING:
     from kaju.model.elastic.pair.answer import PairAgents
@@ -191,9 +190,7 @@ def _box(region: dict[str, Any], scene: Scene) -> Where:
         )
     try:
         box = LoadRegion(**region)
-        for corner in box.box or ():
-            check_axes(corner, lattice.dimension, "goal.box", "coordinates")
-        flat = box.flat_axis(lattice.cell_size, "goal.box")
+        flat = box.flat_axis(lattice, "goal.box")
     except KajuError as error:
         message = str(error)
         raise ParameterError(

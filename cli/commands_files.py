@@ -171,10 +171,6 @@ def animate(
     from kaju.model.results.archive import load_result
     from kaju.view import animate as film
 
-    if stored.suffix == ".toml":
-        raise ParameterError(
-            f"{stored}: is a scene; run it first (kaju run {stored}), then animate its folder"
-        )
     result = load_result(stored)
     folder = stored if stored.is_dir() else stored.parent
     target = out or folder / f"{what or 'film'}.gif"

@@ -78,6 +78,8 @@ class Stored:
 def read_stored(path: str | Path, class_of: Callable[[str], Any], others: str) -> Any:
     """Return what `save` wrote, every array read to its end, by its kind; refuse all `others`."""
     file = file_to_read(path, ResultFileError)
+    if file.suffix == ".toml":
+        raise ResultFileError(f"{file}: is a scene; run it first: kaju run {file}")
     with reading(file):
         arrays = _unpacked(file)
         about = json.loads(arrays.pop("json").tobytes().decode())

@@ -219,6 +219,6 @@ class CutAgents(PairAgents):
         if rough:
             notes.append(
                 f"largest hoop stress, by amount: {'; '.join(rough)}. To limit its error, solve "
-                "with the outline as goal"
+                "with the outline's name as goal"
             )
         return notes

@@ -48,15 +48,15 @@ class Piece:
 
     lower: tuple[int, ...]  # first cell of the box
     upper: tuple[int, ...]  # behind its last
-    nodes: Fields  # "displacement" (m) at the cells' corners, shape (n + 1, ..., dimension)
-    cells: Fields
-    """"kind" (index of the material, negative where there is none), "displacement" (m) of the
+    fields: Fields
+    """"nodes": displacement (m) of the cells' corners, shape (n + 1, ..., dimension). Of the cells
+    "kind" (index of the material, negative where there is none), "displacement" (m) of the
     middles, shape (n, ..., dimension), "stress" (Pa), shape (n, ..., dimension, dimension)."""
 
     @property
     def farthest(self) -> float:
         """Largest displacement (m), of corners and middles."""
-        own = self.cells["displacement"][self.cells["kind"] >= 0], self.nodes["displacement"]
+        own = self.fields["displacement"][self.fields["kind"] >= 0], self.fields["nodes"]
         sizes = [np.linalg.norm(np.nan_to_num(u), axis=-1).max(initial=0.0) for u in own]
         return float(max(sizes))
 
@@ -123,7 +123,7 @@ class PiecedResult(BodyResult):
         for piece, here in self._pieces_of(cells):
             local = points[here] / self.grid.lattice.cell_size - cells[here]
             inside = cells[here] - np.array(piece.lower)
-            nodes = piece.nodes["displacement"]
+            nodes = piece.fields["nodes"]
             found[here] = fields.at_nodes(nodes, inside, np.clip(local, 0.0, 1.0))
         return found
 
@@ -134,7 +134,7 @@ class PiecedResult(BodyResult):
         found = np.empty((len(points), d, d))
         for piece, here in self._pieces_of(cells):
             inside = cells[here] - np.array(piece.lower)
-            found[here] = piece.cells["stress"][tuple(inside.T)]
+            found[here] = piece.fields["stress"][tuple(inside.T)]
         return found
 
     def _pieces_of(self, cells: Ints) -> list[tuple[Piece, Flags]]:
@@ -156,9 +156,11 @@ class PiecedResult(BodyResult):
         names = np.array([material.name for material in self.grid.cell_materials])
         lattice, frames = self.grid.lattice, []
         for piece in self.pieces:
-            body = piece.cells["kind"] >= 0
+            body = piece.fields["kind"] >= 0
             middle = lattice.centres(np.argwhere(body) + np.array(piece.lower))
-            kind, moved, stress = (piece.cells[n][body] for n in ("kind", "displacement", "stress"))
+            kind, moved, stress = (
+                piece.fields[n][body] for n in ("kind", "displacement", "stress")
+            )
             columns: dict[str, Any] = in_columns("{}", middle) | {"material": names[kind]}
             columns |= in_columns("u_{}", moved) | in_columns("stress_{}", stress)
             frames.append(pandas.DataFrame(columns))
@@ -202,7 +204,7 @@ class PiecedResult(BodyResult):
             pieces = [_stored(folder, rank, *box) for rank, box in enumerate(whole.boxes)]
             known = len(scene.cell_materials)
             for rank, piece in enumerate(pieces):
-                if piece.cells["kind"].max(initial=-1) >= known:
+                if piece.fields["kind"].max(initial=-1) >= known:
                     raise ResultError(f"kind of piece {rank} names none of {known} materials")
             return cls(scene, whole.stage, tuple(pieces), whole.figures)
 
@@ -216,15 +218,10 @@ def _hidden(stack: ExitStack, target: Path) -> Path:
 
 def _to_file(piece: Piece) -> Fields:
     """Return a piece's fields as files have them: in space, the first axis running fastest."""
-    # A plane of cells is a layer of them between two layers of corners.
-    d = len(piece.lower)
-    nodes, moved = piece.nodes["displacement"], piece.cells["displacement"]
-    stress, kind = piece.cells["stress"], piece.cells["kind"].astype("<i4")
-    if d == 2:
-        moved, stress, kind = moved[:, :, None], stress[:, :, None], kind[:, :, None]
-        nodes = np.stack([nodes, nodes], axis=2)
-    found = {"nodes": nodes, "displacement": moved, "stress": stress, "kind": kind}
-    for name, values in found.items():
+    d, found = len(piece.lower), {}
+    for name, values in piece.fields.items():
+        if d == 2:  # a plane of cells is a layer of them between two layers of corners
+            values = np.stack([values] * (1 + (name == "nodes")), axis=2)
         width = [(0, 0)] * 3 + [(0, 3 - d)] * (values.ndim - 3)
         turned = np.pad(values, width).transpose(2, 1, 0, *range(3, values.ndim))
         found[name] = np.ascontiguousarray(turned)
@@ -241,7 +238,7 @@ def _stored(folder: Path, rank: int, lower: tuple[int, ...], upper: tuple[int, .
         turned = values.transpose(2, 1, 0, *range(3, values.ndim))
         flat = turned[:, :, 0] if d == 2 else turned
         read[name] = flat[(..., *[slice(d)] * len(parts))]
-    return Piece(lower, upper, {"displacement": read.pop("nodes")}, read)
+    return Piece(lower, upper, read)
 
 
 def _index(folder: Path, boxes: list[Any], grid: Scene) -> str:

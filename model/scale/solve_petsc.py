@@ -140,12 +140,13 @@ def _piece(window: Window, faces: FaceFields) -> Piece:
     stress = fields.cell_tensor(problem, fields.stress_parts(problem, faces))
     nodes = fields.node_displacement(problem, faces)[corners]
     lower, upper = (tuple((corner + window.first).tolist()) for corner in window.cells)
-    cells: dict[str, NDArray[Any]] = {
+    found: dict[str, NDArray[Any]] = {
+        "nodes": unit.displacement * nodes,
         "kind": problem.kinds[problem.inner][own],
         "displacement": unit.displacement * fields.cell_means(problem, faces)[own],
         "stress": unit.stress * stress[own],
     }
-    return Piece(lower, upper, {"displacement": unit.displacement * nodes}, cells)
+    return Piece(lower, upper, found)
 
 
 def _pieced(
@@ -172,7 +173,7 @@ def _pieced(
     figures = {
         "rule": "elastic",
         "plane": scene.plane,
-        "agents": sum(comm.allgather(int(np.count_nonzero(piece.cells["kind"] >= 0)))),
+        "agents": sum(comm.allgather(int(np.count_nonzero(piece.fields["kind"] >= 0)))),
         "strain_energy": solution.energy * unit.energy,
         "error_estimate": solution.error,
         "max_displacement": max(comm.allgather(piece.farthest)),

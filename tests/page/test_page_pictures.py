@@ -9,7 +9,7 @@ from plates import plate as pressed
 import kaju
 from kaju import ElasticModel, History, SpawningModel, ThreeElement, creep, solve
 from kaju.model.network import NetworkModel, jittered, pulled, triangular
-from kaju.view.fracture_plots import bearing
+from kaju.view.fracture_plots import BREAKS, bearing
 from kaju.view.page.data import motion_data
 
 FARTHEST = (
@@ -212,6 +212,9 @@ def test_what_breaks_is_there_until_then(shown, broken, name):
     frames = result.breaks + 1
     assert header["at"] == list(range(frames))
     borne = columns[f"value {name}"].reshape(frames, -1)
+    states = zip(range(bearing(result, frames) + 1), result.replayed(range(frames)), strict=False)
+    most = max(np.abs(result.factor_after(k) * body.borne()).max() for k, body in states)
+    assert BREAKS.fixed(result, {})["largest"] == pytest.approx(most, rel=1e-12)
     for count in (0, 1, bearing(result, frames - 1)):
         left = next(result.replayed([count]))
         # The first picture is that of a body without a load.

@@ -66,7 +66,7 @@ def displacement(result, comm):
     if comm.Get_size() == 1:
         return result.cells().displacement, result.cells().stress
     (piece,) = result.pieces
-    pieces = comm.gather((piece.lower, piece.upper, piece.cells))
+    pieces = comm.gather((piece.lower, piece.upper, piece.fields))
     if pieces is None:
         return None, None
     lower = np.min([low for low, _, _ in pieces], axis=0)

@@ -28,8 +28,7 @@ def kept(out, count=50, run=sweep_work.square, **options):
 def test_the_folder_holds_the_table_and_says_what_it_was(tmp_path):
     out = tmp_path / "new" / "sweep"
     table = kept(out)
-    names = sorted(path.name for path in out.iterdir())
-    assert names == ["sweep.sqlite", "table.csv"]
+    assert sorted(path.name for path in out.iterdir()) == ["sweep.sqlite", "table.csv"]
     stored = load_sweep(out)
     pandas.testing.assert_frame_equal(stored, table)
     about = stored.attrs["sweep"]
@@ -136,8 +135,8 @@ def test_a_sweep_from_the_command(swept):
     assert done.exit_code == 0, done.output
     assert done.output.startswith("2 runs, 0 failed")
     assert table_of(out)["load_taken"].round(6).tolist() == [12.879375, 21.104766]
-    names = ["effects.png", "sweep.sqlite", "table.csv"]
-    assert sorted(path.name for path in out.iterdir()) == names
+    names = sorted(path.name for path in out.iterdir())
+    assert names == ["effects.png", "sweep.sqlite", "table.csv"]
     assert swept(*words)[1].output == done.output  # nothing is computed again
 
 

@@ -66,8 +66,8 @@ def ends(values: NDArray[Any], axis: int) -> tuple[NDArray[Any], NDArray[Any]]:
 
 def cell_modulus(problem: ElasticProblem, per_material: Floats) -> Floats:
     """Spread a modulus over the cells, zero where there is no material."""
-    kinds = problem.kinds
-    return np.where(kinds >= 0, np.append(per_material, 0.0)[np.maximum(kinds, -1)], 0.0)
+    modulus: Floats = np.append(per_material, 0.0)[np.maximum(problem.kinds, -1)]
+    return modulus
 
 
 def edge_modulus(problem: ElasticProblem, pair: Pair) -> Floats:

@@ -304,7 +304,7 @@ def _beside(problem: ElasticProblem, axis: Ints, index: Ints) -> list[Missing]:
                 around = [moved(moved(edge, across, b), along, a) for b, a in steps]
                 kinds = np.stack([problem.kinds[tuple(cell.T)] for cell in around])
                 counted = (kinds >= 0) | (kinds == RIGID)
-                total = np.where(kinds >= 0, compliance[np.maximum(kinds, -1)], 0.0).sum(axis=0)
+                total = compliance[np.maximum(kinds, -1)].sum(axis=0)
                 whole = counted.sum(axis=0) / total
                 air = kinds == AIR
                 share = (whole - modulus[tuple(edge.T)]) / np.maximum(air.sum(axis=0), 1)

@@ -126,9 +126,12 @@ class PairAgents(OnCells):
 
     @cached_property
     def stress(self) -> Floats:
-        """Stress tensors of the agents: in the plane the mean of both opinions over each."""
-        balanced, fitted = self.opinions.means
-        return np.asarray(0.5 * (balanced + fitted) if self.two_minds else fitted)
+        """Stress tensors of the agents: in the plane means over each."""
+        return self._told(*self.opinions.means)
+
+    def _told(self, balanced: Floats, fitted: Floats) -> Floats:
+        """Return the stress that is told: of two the mean, whose error the gap tells exactly."""
+        return 0.5 * (balanced + fitted) if self.two_minds else fitted
 
     @property
     def balanced(self) -> Floats:
@@ -155,10 +158,10 @@ class PairAgents(OnCells):
 
     def stress_at(self, points: Floats, cells: Ints) -> Floats:
         """Return stress tensors at points (m) in or on cells of the grid."""
-        return np.asarray(self.opinions.stress_at(*self.placed(points, cells)))
+        return self._told(*self.opinions_at(points, cells))
 
     def opinions_at(self, points: Floats, cells: Ints) -> tuple[Floats, Floats]:
-        """Return the stresses that balance, and those that fit, at points (m) in the plane."""
+        """Return the stresses that balance, and those that fit, at points (m)."""
         found: tuple[Floats, Floats] = self.opinions.stresses_at(*self.placed(points, cells))
         return found
 

@@ -119,9 +119,7 @@ class CutPair:
     def bounds(self) -> Bounds:
         """What both energies prove."""
         lower, upper = 0.5 * self.lower, 0.5 * self.upper
-        return bounds_of(
-            np.array([[lower], [upper], [lower], [2.0 * (upper - lower)]]), self.gap, 0.0
-        )
+        return bounds_of(np.array([[lower], [upper], [2.0 * (upper - lower)]]), self.gap, 0.0)
 
     def _crossed(self) -> Floats:
         """Return ∫ σ : ε of each leaf, nearly so where the triangles of both fields differ."""
@@ -156,11 +154,6 @@ class CutPair:
         fitted = np.einsum("na,nab->nb", strain, np.array([one.stiffness for one in own])[material])
         balanced = self.balancing.stress_at(leaf, places, law)
         return tensors(np.where(np.isfinite(balanced), balanced, fitted)), tensors(fitted)
-
-    def stress_at(self, leaf: Ints, places: Floats) -> Floats:
-        """Return the mean of both: the stress whose error the gap tells exactly."""
-        balanced, fitted = self.stresses_at(leaf, places)
-        return 0.5 * (balanced + fitted)
 
     def reactions(self) -> dict[str, Floats]:
         """Return the force of every support on the body, of the stress that balances."""

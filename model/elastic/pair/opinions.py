@@ -8,7 +8,6 @@ from functools import cached_property
 import numpy as np
 
 from kaju.arrays import Floats, Ints
-from kaju.model.elastic.moduli import is_rubber
 
 from .airy import bed_rows, first_stress, of_tractions
 from .border import support_names
@@ -86,20 +85,17 @@ class Opinions(Fitting):
         for case in self.cases:
             balanced, fitted = case.fields()
             apart.append(balanced - fitted)
-            upper, lower, gap = (float(one @ one) for one in (balanced, fitted, apart[-1]))
-            fits = lower
+            balances, fits, gap = (float(one @ one) for one in (balanced, fitted, apart[-1]))
+            # The energy is the least potential one if supports move; if loads act, minus that.
+            lower, upper = 2.0 * case.work_on(case.fit) - fits, balances
             if case.sides.moved.any():
-                # The energy is the least potential one; if loads act, minus that.
-                upper, lower = fits, 2.0 * case.borne(case.sides.moved) - upper
-            else:
-                lower = fits = 2.0 * case.work_on(case.fit) - lower
-            told.append((0.5 * lower, 0.5 * upper, 0.5 * fits, gap))
+                lower, upper = 2.0 * case.borne(case.sides.moved) - balances, fits
+            told.append((0.5 * lower, 0.5 * upper, gap))
         shares = np.sum([self.by_agent(one**2) for one in apart], axis=0)
         if self.parts:
             # The error of both together, should it be larger than that of each.
             shares = np.maximum(shares, self.by_agent(np.sum(apart, axis=0) ** 2))
-        locks = is_rubber(self.body.moduli, self.body.scene.plane)
-        return bounds_of(np.transpose(told), float(shares.sum()), self.sides.rest, locks), shares
+        return bounds_of(np.transpose(told), float(shares.sum()), self.sides.rest), shares
 
     @property
     def bounds(self) -> Bounds:
@@ -118,11 +114,6 @@ class Opinions(Fitting):
         stress[:, :2] -= self.sides.body[agent] / size * (inside - 0.5)
         strain = np.einsum("nki,ni->nk", strain_rows(inside), self.fit[agent]) / size
         return tensors(stress), tensors(stress_of(strain, self.law[:, agent]))
-
-    def stress_at(self, agent: Ints, inside: Floats) -> Floats:
-        """Return the mean of both: the stress whose error the gap tells exactly."""
-        balanced, fitted = self.stresses_at(agent, inside)
-        return 0.5 * (balanced + fitted)
 
     @cached_property
     def means(self) -> tuple[Floats, Floats]:

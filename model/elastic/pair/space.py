@@ -117,20 +117,19 @@ class Bricks(Fitting):
 
     @property
     def bounds(self) -> Bounds:
-        """The estimated error, without bounds."""
+        """The estimated error; in place of bounds the energy."""
         error = sqrt(float(self.shares.sum()) * self.wanting / (2.0 * abs(self.energy) or 1.0))
-        return Bounds(nan, nan, error, False, self.energy)
+        return Bounds(self.energy, self.energy, error, False)
 
-    def stress_at(self, agent: Ints, inside: Floats) -> Floats:
-        """Return stress tensors at places from 0 to 1 in agents."""
-        return tensors(np.einsum("nc,nca->na", trilinear(inside), self._read_stress[agent]))
+    def stresses_at(self, agent: Ints, inside: Floats) -> tuple[Floats, Floats]:
+        """Return the stress that balances, which there is not, and the one that fits."""
+        fitted = tensors(np.einsum("nc,nca->na", trilinear(inside), self._read_stress[agent]))
+        return np.full_like(fitted, nan), fitted
 
     @cached_property
     def means(self) -> tuple[Floats, Floats]:
-        """The stress that balances, which there is not, and the one that fits, in the middles."""
-        middles = np.arange(len(self.leaves)), np.full((len(self.leaves), 3), 0.5)
-        fitted = self.stress_at(*middles)
-        return np.full_like(fitted, nan), fitted
+        """Both in the middles."""
+        return self.stresses_at(np.arange(len(self.leaves)), np.full((len(self.leaves), 3), 0.5))
 
     def reactions(self) -> dict[str, Floats]:
         """Return the force of every support on the body."""

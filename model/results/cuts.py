@@ -52,18 +52,6 @@ class Cuts:
     load: float  # sum of the applied forces along the axis (N)
     sense: Floats  # 1 where the part beyond a cut is free, or bears more of the load; else -1
 
-    @classmethod
-    def of(
-        cls, axis: int, at: Floats, force: Floats, beyond: Floats, total: Floats, *held: Flags
-    ) -> Cuts:
-        """Return cuts by the loads beyond each, all loads, and what supports hold."""
-        held_above, held_below = held  # of every cut and component: beyond it, before it
-        needed = np.where(held_above, np.where(held_below, np.nan, beyond - total), beyond)
-        free, bound = ~held_above[:, axis], ~held_below[:, axis]
-        loaded = 2.0 * np.abs(beyond[:, axis]) >= abs(total[axis])
-        sense = np.where(free | (~bound & loaded), 1.0, -1.0)
-        return cls("xyz"[axis], at, force, needed, float(total[axis]), sense)
-
     @property
     def carried(self) -> Floats:
         """Force along the axis (N) handed to the held part, above 0 in the sense of the load."""
@@ -111,16 +99,34 @@ def cuts_of(scene: Scene, stage: int | None, axis: int, parts: Carrying) -> Cuts
     """Return the cuts across an axis through a body whose parts carry so much."""
     pitch = float(scene.lattice.pitch[axis, axis])
     ends = _layers(scene, axis, parts, pitch)
-    lower, thick = ends[:-1], np.diff(ends)
-    layer = np.searchsorted(ends, parts.middle[:, axis], side="right") - 1
-    force = np.zeros((len(lower), scene.lattice.dimension))
-    np.add.at(force, layer, parts.stress[:, :, axis] * (parts.volume / thick[layer])[:, None])
     applied = scene.applied(stage)
     places = scene.lattice.face_middles(applied.cells, applied.direction)[:, axis]
-    beyond = np.clip((places - lower[:, None]) / thick[:, None], 0.0, 1.0)
-    total = applied.force.sum(axis=0)
     held = _held(scene, axis, ends, _NEAR * pitch)
-    return Cuts.of(axis, lower + 0.5 * thick, force, beyond @ applied.force, total, *held)
+    return cuts_through(axis, ends, parts, (places, applied.force), held)
+
+
+def cuts_through(
+    axis: int,
+    ends: Floats,
+    parts: Carrying,
+    loads: tuple[Floats, Floats],
+    held: tuple[Flags, Flags],
+) -> Cuts:
+    """Return the cuts through layers with such ends (m).
+
+    Loads are places along the axis (m) and forces (N); of every layer and component it is known
+    whether a support holds what lies beyond, or before.
+    """
+    (places, forces), lower, thick = loads, ends[:-1], np.diff(ends)
+    layer = np.searchsorted(ends, parts.middle[:, axis], side="right") - 1
+    force = np.zeros((len(lower), forces.shape[1]))
+    np.add.at(force, layer, parts.stress[:, :, axis] * (parts.volume / thick[layer])[:, None])
+    beyond = np.clip((places - lower[:, None]) / thick[:, None], 0.0, 1.0) @ forces
+    total, (above, below) = forces.sum(axis=0), held
+    needed = np.where(above, np.where(below, np.nan, beyond - total), beyond)
+    loaded = 2.0 * np.abs(beyond[:, axis]) >= abs(total[axis])
+    sense = np.where(~above[:, axis] | (below[:, axis] & loaded), 1.0, -1.0)
+    return Cuts("xyz"[axis], lower + 0.5 * thick, force, needed, float(total[axis]), sense)
 
 
 def _layers(scene: Scene, axis: int, parts: Carrying, pitch: float) -> Floats:

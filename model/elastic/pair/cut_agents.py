@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
+from math import ceil, floor, inf
 from typing import ClassVar
 
 import numpy as np
@@ -16,7 +17,7 @@ from kaju.model.elastic.goals.quantities import Deflection, Stress
 from kaju.model.outline.hoop_stress import HoopStress
 from kaju.model.outline.posed_outlines import SIDES, OutlinedBody
 from kaju.model.outline.true_shapes import TINY, UNIT, leaf_at
-from kaju.model.results.cuts import Cuts, axis_of_cuts
+from kaju.model.results.cuts import Carrying, Cuts, axis_of_cuts, cuts_through
 
 from .answer import PairAgents
 from .cut_mesh import Border
@@ -80,28 +81,30 @@ class CutAgents(PairAgents):
         return np.asarray(self.scales.force * np.vstack([self._border.given, weight[None]]))
 
     def cuts(self, axis: str | None) -> Cuts:
-        """Return the forces through cuts in the middles of the layers of `grid`."""
-        lattice, border = self.grid.lattice, self._border
-        number = axis_of_cuts(lattice, axis, self.applied())
-        first, last = (int(end[number]) for end in self.grid.bounds())
-        at = np.asarray(lattice.cell_size * (np.arange(first, last) + 0.5), dtype=np.float64)
-        ends = border.at[..., number, None] - at / self.ground.edge
-        # which part of each edge lies beyond, from 0 at its start to 1 at its end: (edges, 2, cuts)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            crossed = np.clip(np.nan_to_num(ends[:, :1] / (ends[:, :1] - ends[:, 1:])), 0.0, 1.0)
-        part = np.where(ends > 0.0, np.array([[0.0], [1.0]]), crossed)
-        share, more = (np.diff(one, axis=1)[:, 0] for one in (part, part * (part - 1.0)))
-        load = share.T @ border.given + more.T @ border.tilted
-        # what lies beyond a cut is the integral of the way from it along the border, times normals
-        area = border.outward[:, number] @ (share * np.maximum(ends, 0.0).mean(axis=1))
-        load += area[:, None] * self.ground.weight
-        some = [ends[border.held[:, k]].reshape(-1, len(at)) for k in (0, 1)]
-        far = np.stack([(one > 0.0).any(axis=0) for one in some], axis=1)
-        near = np.stack([(one < 0.0).any(axis=0) for one in some], axis=1)
-        unit = self.scales.force
-        force = self.opinions.balancing.through(number, at / self.ground.edge)
-        total = self.applied().sum(axis=0)
-        return Cuts.of(number, at, unit * force, unit * load, total, far, near)
+        """Return the forces through cuts: see `Cuts`. Layers are as thick as the first agents."""
+        number, edge = axis_of_cuts(self.grid.lattice, axis, self.applied()), self.ground.edge
+        first, last = self.leaves.lower.min(axis=0), self.leaves.upper.max(axis=0)
+        ends = edge * np.arange(floor(first[number] * UNIT), ceil(last[number] * UNIT) + 1.0)
+        volume = self.opinions.area[1] * edge**2 * self.ground.asked.thickness
+        middle, size = edge * UNIT * self.leaves.middle, edge * UNIT * self.leaves.size
+        parts = Carrying(middle, size, volume, self.scales.stress * self.balanced)
+        # Along edges loads are linear, so two places stand for each; weight acts in the middles.
+        border, fields = self._border, self.opinions.balancing
+        between, off = border.at.mean(axis=1), border.run / 12**0.5
+        places = [
+            between - off,
+            between + off,
+            fields.mesh.place[fields.mesh.triangle].mean(axis=1),
+        ]
+        even, tilt = 0.5 * border.given, border.tilted / 12**0.5
+        loads = self.scales.force * np.vstack(
+            [even - tilt, even + tilt, fields.area[:, None] * self.ground.weight]
+        )
+        held = [edge * border.at[border.held[:, k], :, number] for k in (0, 1)]
+        far = np.stack([one.max(initial=-inf) > ends[:-1] for one in held], axis=1)
+        near = np.stack([one.min(initial=inf) < ends[1:] for one in held], axis=1)
+        at = edge * np.concatenate(places)[:, number]
+        return cuts_through(number, ends, parts, (at, loads), (far, near))
 
     def arrows(self) -> tuple[Floats, Floats, Flags]:
         """Return few places (m) and forces (N) that stand for the loads, and which of them pull.

@@ -20,7 +20,6 @@ from kaju.model.outline.posed_outlines import UnlikeError
 from kaju.model.outline.true_shapes import TINY, Law
 
 from .cut_mesh import Border, CutMesh, slopes
-from .gap import tensors
 from .leaves import Entries, coo, followed
 from .levels import blocks_of
 from .sheets import Sheets
@@ -212,23 +211,6 @@ class Balancing(CutField):
         of[:, :2] -= share[rows, least, None]
         stress = np.einsum("nc,nca->na", of, self.values[triangle, third])
         out[some] = stress + self.bearing(points[some])
-        return out
-
-    def through(self, axis: int, at: Floats) -> Floats:
-        """Return the force through straight cuts across an axis, (n, 2): ∫ σ n over each."""
-        across = tensors(self.values + self.bearing(self.corners))[..., axis]
-        thirds = np.concatenate([self.corners, across], axis=3).reshape(-1, 3, 4)
-        out = np.empty((len(at), 2))
-        for k, place in enumerate(at.tolist()):
-            # a line crosses two sides of a third, or none; stress is linear between
-            beyond = thirds[..., axis] > place
-            start = thirds[beyond.any(axis=1) & ~beyond.all(axis=1)]
-            end = np.roll(start, -1, axis=1)
-            crossed = (start[..., axis] > place) != (end[..., axis] > place)
-            start, end = start[crossed], end[crossed]
-            share = (place - start[:, axis]) / (end[:, axis] - start[:, axis])
-            met = (start + share[:, None] * (end - start)).reshape(-1, 2, 4)
-            out[k] = np.abs(np.diff(met[..., 1 - axis])[:, 0]) @ met[..., 2:].mean(axis=1)
         return out
 
     def stresses(self) -> Floats:

@@ -135,25 +135,22 @@ class CutMesh:
 
         Of one law, if the leaf has any of this.
         """
-        slope, order = self._slopes, self._order
+        order = self._order
         first, last = (np.searchsorted(self.leaf[order], leaf, side) for side in ("left", "right"))
-        best, found = np.full(len(leaf), -np.inf), np.zeros(len(leaf), dtype=np.int64)
-        share = np.zeros((len(leaf), 3))
-        for k in range(int((last - first).max(initial=0))):
-            at = np.flatnonzero(first + k < last)
-            triangle = order[first[at] + k]
-            away = points[at] - self.place[self.triangle[triangle, 0]]
-            own = np.einsum("ncd,nd->nc", slope[triangle], away)
-            own[:, 0] += 1.0
-            held = own.min(axis=1)
-            if law is not None:
-                # Triangles of another law are farther than any of its own.
-                held = held - 1e9 * (self.law[triangle] != law[at])
-            better = held > best[at]
-            at, triangle, own = at[better], triangle[better], own[better]
-            best[at], found[at], share[at] = held[better], triangle, own
-        share = np.maximum(share, 0.0)
-        return found, share / np.maximum(share.sum(axis=1, keepdims=True), 1e-300)
+        # All triangles of the leaf of each point, one point after the other.
+        many = last - first
+        end, point = np.cumsum(many), np.repeat(np.arange(len(leaf)), many)
+        triangle = order[np.arange(len(point)) + np.repeat(last - end, many)]
+        away = points[point] - self.place[self.triangle[triangle, 0]]
+        share = np.einsum("ncd,nd->nc", self._slopes[triangle], away)
+        share[:, 0] += 1.0
+        beyond = -share.min(axis=1)
+        if law is not None:
+            # Triangles of another law are farther than any of its own.
+            beyond += 1e9 * (self.law[triangle] != law[point])
+        nearest = np.lexsort((beyond, point))[end - many]
+        share = np.maximum(share[nearest], 0.0)
+        return triangle[nearest], share / share.sum(axis=1, keepdims=True)
 
     @cached_property
     def _slopes(self) -> Floats:

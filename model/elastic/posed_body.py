@@ -60,6 +60,11 @@ class PosedBody:
         self.extent = np.asarray(lattice.shape) * self.cell
         self._collect_loads()
 
+    @property
+    def no_bound(self) -> str:
+        """Why agents in it prove nothing; empty if they do."""
+        return "" if self.dimension == 2 else "in space there are no bounds"
+
     @cached_property
     def sharp(self) -> Ints:
         """The unit cells round points at which stress is singular; none in space."""

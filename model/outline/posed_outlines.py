@@ -246,10 +246,11 @@ class OutlinedBody:
         return float(1e-7 + NEAR * (contrast - 1.0) + 1e3 * np.finfo(np.float64).eps * law)
 
     @property
-    def estimated(self) -> bool:
-        """Whether nothing is proved: the weight between a curve and its polygons is left out."""
+    def no_bound(self) -> str:
+        """Why agents in it prove nothing; empty if they do."""
         curved = any(ArcFrames(region.arcs).turn.any() for region in self.true.regions)
-        return bool(self.weight.any() and curved)
+        some = "the weight of what lies between a curve and its polygons is left out"
+        return some if self.weight.any() and curved else ""
 
     @cached_property
     def scene(self) -> Scene:

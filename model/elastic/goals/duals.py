@@ -230,7 +230,7 @@ class DualGoal(ABC):
             if isinstance(body, PosedBody):
                 self.box = self.where.within(body, isinstance(quantity, Deflection))
                 off = np.abs([self.box.lower - self.where.lower, self.box.upper - self.where.upper])
-                self.no_bound = "" if off.max() <= ON_EDGE else NEAREST
+                self.no_bound = body.no_bound or (NEAREST if off.max() > ON_EDGE else "")
 
     @abstractmethod
     def loaded(self, mesh: Mesh, sides: Sides, found: Found | None) -> list[Sides]:
@@ -285,7 +285,7 @@ class Stressed(DualGoal):
         d = self.scene.lattice.dimension
         self._pairs = [(k, k) for k in range(d)] + list(combinations(range(d), 2))
         self._component = component_of(quantity.component, d)
-        if self._component is None:
+        if self._component is None and not self.no_bound:
             self.no_bound = "the equivalent stress is no linear quantity, and only such are proved"
 
     def loaded(self, mesh: Mesh, sides: Sides, found: Found | None) -> list[Sides]:

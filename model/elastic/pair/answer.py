@@ -24,7 +24,6 @@ from kaju.model.scene import Scene
 from .elements import quadratic_values
 from .history import Generation, settled, trees_of
 from .leaves import LeafCells
-from .space import NO_BOUND
 
 
 @dataclass(eq=False)
@@ -75,7 +74,7 @@ class PairAgents(OnCells):
     @property
     def no_bound(self) -> str:
         """Why nothing is proved; empty if the error is."""
-        return "" if self.two_minds else NO_BOUND
+        return self.ground.no_bound
 
     @property
     def solution(self) -> PairAgents:

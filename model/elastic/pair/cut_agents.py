@@ -24,8 +24,6 @@ from .cut_mesh import Border
 from .cut_pair import CutPair
 from .sheets import loops_of
 
-NO_BOUND = "the weight of what lies between a curve and its polygons is left out"
-
 
 @dataclass(eq=False)
 class CutAgents(PairAgents):
@@ -39,11 +37,6 @@ class CutAgents(PairAgents):
         """Both fields of the last generation; of a stored answer they are found again."""
         known: CutPair | None = self._last
         return known or CutPair(self.ground, self.leaves)
-
-    @property
-    def no_bound(self) -> str:
-        """Why nothing is proved; empty if it is."""
-        return NO_BOUND if self.ground.estimated else ""
 
     @property
     def area(self) -> Floats:

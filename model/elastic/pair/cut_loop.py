@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial import cKDTree
 
-from kaju.arrays import Flags, Floats, Ints
+from kaju.arrays import Floats, Ints
 from kaju.errors import ParameterError, SceneError, SingularPlaceError, brief, suggestion
 from kaju.model.elastic.goals.duals import SMALL
 from kaju.model.elastic.goals.quantities import (
@@ -36,11 +36,9 @@ from kaju.model.outline.posed_outlines import (
 from kaju.model.outline.true_shapes import UNIT, covering
 from kaju.model.scene import Scene
 
-from .cut_agents import NO_BOUND as OF_WEIGHT
 from .cut_agents import CutAgents
 from .cut_pair import CutPair
 from .goals import AIM, Judged
-from .history import generation_of
 from .loop import PairLoop
 
 MOST_AGENTS = 100_000
@@ -96,7 +94,7 @@ class CutLoop(PairLoop):
         asked: Stress | Deflection | None = None,
     ) -> None:
         super().__init__(body, tolerance, most_agents or MOST_AGENTS)
-        self._asked, self._least = asked, inf  # the latter is the error of the best generation
+        self._asked = asked
         self._judge: Any = self._by_energy
         if asked is None:
             body.check_rounding(tolerance)
@@ -115,7 +113,7 @@ class CutLoop(PairLoop):
         while True:
             try:
                 pair = CutPair(self.body, self.leaves)
-                if pair.bounds.lower > pair.bounds.upper and not self.body.estimated:
+                if pair.bounds.lower > pair.bounds.upper and not self.body.no_bound:
                     raise UnlikeError(
                         "body.regions: a part of the body that bears loads is too thin; make it "
                         "thicker"
@@ -170,26 +168,15 @@ class CutLoop(PairLoop):
             part += off[-1] * (pair.shares / pair.gap + dual.shares / dual.gap)
         least = SMALL * float(np.abs(pair.fitting.value).max())
         scale = max(float(np.linalg.norm(value)), least)
-        no_bound = OF_WEIGHT if self.body.estimated else ""
-        goal = Goal(asked, tuple(value), float(np.linalg.norm(off)), scale, no_bound)
+        off_all = float(np.linalg.norm(off))
+        goal = Goal(asked, tuple(value), off_all, scale, self.body.no_bound)
         error = goal.relative_error
         wanted = min(AIM * self.tolerance / error, 1.0) if error > 0.0 else 0.0
         return Judged((goal,), error, part / scale, False, wanted)
 
-    def _keep(self, chosen: Flags) -> None:
-        """Note the generation."""
-        proved = not self.body.estimated
-        self.generations.append(generation_of(self.last, chosen, proved))
-        # polygons of smaller agents are not always better: the best generation is the answer
-        if self.reached or self._asked or self._judged.error <= self._least:
-            self._least = self._judged.error
-            self._answer = len(self.generations), self.last, list(self._judged.found)
-
     def outcome(self) -> CutAgents:
-        """Return the agents as they are, or were where they knew best."""
-        count, pair, goals = self._answer
-        generations = self.generations[:count]
-        agents = CutAgents(self.body, goals, generations, self.stopped, [], pair)
+        """Return the agents as they are."""
+        agents = CutAgents(self.body, *self._told(), self.last)
         agents.notes += agents.remarks(self._asked)
         return agents
 

@@ -100,7 +100,7 @@ class CutPair:
         for border, mesh in zip(edges, meshes, strict=True):
             np.maximum.at(density, mesh.leaf[border.owner], stored[border.outline])
         # the weight there counts as its share of all
-        weighed = between / self.area[1].sum() * balanced.sum() * body.estimated
+        weighed = between / self.area[1].sum() * balanced.sum() * bool(body.no_bound)
         band = density * between + 2.0 * weighed
         self.shares = np.maximum(fitted + balanced - 2.0 * self._crossed() + band, 0.0)
         self.energies = 0.25 * (fitted + balanced)

@@ -32,7 +32,7 @@ from kaju.model.elastic.pair.gap import ROUNDING
 from kaju.model.elastic.pair.history import Aim, Settled
 from kaju.model.elastic.pair.leaves import LeafCells
 from kaju.model.elastic.pair.opinions import Opinions
-from kaju.model.elastic.pair.space import NO_BOUND, Bricks
+from kaju.model.elastic.pair.space import Bricks
 from kaju.model.elastic.posed_body import PosedBody
 from kaju.model.elastic.scales import ROUNDED
 from kaju.model.outline.posed_outlines import OutlinedBody
@@ -105,7 +105,7 @@ def _estimated(
         off.append(float(both.sum()))
         part += both
     told = goal.goal(value, float(np.linalg.norm(off)), largest)
-    return replace(told, no_bound=NO_BOUND), part / (told.scale or 1.0), 0.0
+    return told, part / (told.scale or 1.0), 0.0
 
 
 def _told(

@@ -137,14 +137,15 @@ class Generation:
         return f"Generation(agents={self.agents}, error={self.error:.3g}, energy={self.energy:.6g})"
 
 
-def generation_of(found: Any, chosen: Flags, proved: bool) -> Generation:
+def generation_of(found: Any, chosen: Flags) -> Generation:
     """Return what is kept of a generation of which some agents are to spawn."""
     bounds, body, leaves, unit = found.bounds, found.body, found.leaves, found.body.scales
     balanced, fitted = (
         unit.stress * equivalent_stress(stress, body.moduli, leaves.kind, body.asked.plane)
         for stress in found.means
     )
-    lower, upper = (unit.energy * x if proved else None for x in (bounds.lower, bounds.upper))
+    both = bounds.lower, bounds.upper
+    lower, upper = (None if body.no_bound else unit.energy * x for x in both)
     arrays = (leaves.code, leaves.size, unit.energy * found.shares, fitted, balanced, chosen)
     return Generation(bounds.error, unit.energy * bounds.energy, lower, upper, *arrays)
 

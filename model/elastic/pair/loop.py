@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from kaju.arrays import Flags, Ints
-from kaju.model.elastic.goals.quantities import Quantity
+from kaju.model.elastic.goals.quantities import Goal, Quantity
 from kaju.model.elastic.posed_body import PosedBody
 from kaju.model.outline.posed_outlines import OutlinedBody
 
@@ -90,7 +90,8 @@ class PairLoop:
     def step(self) -> None:
         """Let the agents agree with each other, then halve those that disagree with themselves."""
         self._solve()
-        self._keep(np.zeros(len(self.leaves), dtype=np.bool_) if self.reached else self._spawn())
+        chosen = np.zeros(len(self.leaves), dtype=np.bool_) if self.reached else self._spawn()
+        self.generations.append(generation_of(self.last, chosen))
 
     def _solve(self) -> None:
         """Let the agents find their opinions, and judge these."""
@@ -100,17 +101,16 @@ class PairLoop:
             self.notes.append(TORN)
         self._judged = self.goals.judge(found, self.tolerance)
 
-    def _keep(self, chosen: Flags) -> None:
-        """Note the generation."""
-        self.generations.append(generation_of(self.last, chosen, self.body.dimension == 2))
-
     def outcome(self) -> PairAgents:
         """Return the agents as they are."""
         assert isinstance(self.body, PosedBody)
         found = copy(self.last)
         found.levels = found.duals = ()  # which take most of the memory
-        told = list(self._judged.found), list(self.generations), self.stopped, list(self.notes)
-        return PairAgents(self.body, *told, found)
+        return PairAgents(self.body, *self._told(), found)
+
+    def _told(self) -> tuple[list[Goal], list[Generation], str, list[str]]:
+        """Return copies of what goes into an answer."""
+        return list(self._judged.found), list(self.generations), self.stopped, list(self.notes)
 
     def _spawn(self) -> Flags:
         """Halve some agents, and return which; or say why there is no further generation."""

@@ -27,7 +27,6 @@ from .gap import Bounds, roots_of, stress_of, tensors
 from .leaves import followed
 from .levels import DIRECT, Blocks, FieldLevel, by_laws
 
-NO_BOUND = "in space there are no bounds"
 MOST_RATIO = 0.499  # At 0.4999 the true error of a cube was 1.9 times its estimate
 SETTLED = 1e-6
 """Of what suffices in the plane: no bound takes what is left, and forces that are read balance, to

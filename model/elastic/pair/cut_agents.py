@@ -79,7 +79,8 @@ class CutAgents(PairAgents):
         first, last = self.leaves.lower.min(axis=0), self.leaves.upper.max(axis=0)
         ends = edge * np.arange(floor(first[number] * UNIT), ceil(last[number] * UNIT) + 1.0)
         volume = self.opinions.area[1] * edge**2 * self.ground.asked.thickness
-        middle, size = edge * UNIT * self.leaves.middle, edge * UNIT * self.leaves.size
+        size = self.grid.lattice.cell_size * self.size
+        middle = edge * UNIT * self.leaves.middle
         parts = Carrying(middle, size, volume, self.scales.stress * self.balanced)
         # Along edges loads are linear, so two places stand for each; weight acts in the middles.
         border, fields = self._border, self.opinions.balancing

@@ -221,7 +221,7 @@ class DualGoal(ABC):
         self.quantity = quantity
         self.scene = body if isinstance(body, Scene) else body.scene
         if isinstance(body, PosedBody):
-            self.body = body
+            self.body, self.no_bound = body, body.no_bound
         self.directions = np.ones((1, 1))
         if not isinstance(quantity, Stress):
             self.directions = directions_of(quantity.along, self.scene.lattice.dimension)
@@ -230,7 +230,7 @@ class DualGoal(ABC):
             if isinstance(body, PosedBody):
                 self.box = self.where.within(body, isinstance(quantity, Deflection))
                 off = np.abs([self.box.lower - self.where.lower, self.box.upper - self.where.upper])
-                self.no_bound = body.no_bound or (NEAREST if off.max() > ON_EDGE else "")
+                self.no_bound = self.no_bound or (NEAREST if off.max() > ON_EDGE else "")
 
     @abstractmethod
     def loaded(self, mesh: Mesh, sides: Sides, found: Found | None) -> list[Sides]:

@@ -6,7 +6,6 @@ from exact.graded_elements import graded_elements
 from spawning_bodies import STEEL, drawn
 
 from kaju import Deflection, Scene, solve
-from kaju.model.elastic.pair.gap import bounds_of
 
 PRECISE = 2e-6
 """Share of its energy that a truth by graded elements may be off."""
@@ -121,19 +120,3 @@ def test_forces_beside_sides_that_move_have_wider_bounds_that_hold():
     lower, upper = solve(moved([force]), tolerance=0.1).energy_bounds
     finer = solve(moved([force]), tolerance=0.03).energy_bounds
     assert lower <= finer[0] <= finer[1] <= upper
-
-
-@pytest.mark.parametrize(
-    ("low", "high", "locks", "told"),
-    [
-        (5.0, 6.0, False, 5.5),
-        (5.0, 5e4, False, 5.0),
-        (0.1, 5.0, True, 5.0),
-        (-1.0, 5.0, False, 5.0),
-    ],
-)
-def test_of_energies_far_apart_the_better_one_is_told_and_not_their_middle(low, high, locks, told):
-    """Of loads the lower one is that of the displacement, which locks where nothing yields."""
-    gap = 2.0 * (high - low)
-    case = np.array([[low], [high], [low], [gap]])
-    assert bounds_of(case, gap, 0.0, locks).energy == told

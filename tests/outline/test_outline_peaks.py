@@ -87,7 +87,7 @@ def test_a_peak_of_an_outline_at_a_rigid_side_is_that_of_its_rounded_parts() -> 
     loads = [{"side": "right", "force": [0.0, -1.0]}]
     answer = kaju.solve(plate(body=body, sides={"top": "rigid"}, loads=loads), 0.01, goal="hole")
     assert answer.goals[0].value == pytest.approx(28.84, rel=0.01)  # that of a tolerance of 0.002
-    assert "rounded parts" in answer.notes[0]
+    assert any("rounded parts" in note for note in answer.notes)
 
 
 def test_a_peak_is_stored(tmp_path: Path) -> None:

@@ -148,7 +148,8 @@ class CutMesh:
         if law is not None:
             # Triangles of another law are farther than any of its own.
             beyond += 1e9 * (self.law[triangle] != law[point])
-        nearest = np.lexsort((beyond, point))[end - many]
+        least = np.flatnonzero(beyond == np.minimum.reduceat(beyond, end - many)[point])
+        nearest = least[np.searchsorted(least, end - many)]
         share = np.maximum(share[nearest], 0.0)
         return triangle[nearest], share / share.sum(axis=1, keepdims=True)
 

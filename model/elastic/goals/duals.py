@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from itertools import combinations, product
+from itertools import combinations
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
@@ -32,6 +32,7 @@ from kaju.model.elastic.goals.quantities import (
 )
 from kaju.model.elastic.moduli import Moduli, equivalent_stress
 from kaju.model.elastic.pair.border import Sides, torn
+from kaju.model.elastic.pair.elements import gauss
 from kaju.model.elastic.pair.gap import stress_of
 from kaju.model.elastic.pair.leaves import LeafCells, Mesh
 from kaju.model.elastic.posed_body import PosedBody
@@ -70,14 +71,11 @@ class Where:
         first = np.maximum(lower[agent], self.lower)
         span = np.minimum(lower[agent] + size[agent, None], self.upper) - first
         d = len(self.lower)
-        # Three points along an axis are exact for quadratics.
-        line, share = np.polynomial.legendre.leggauss(3)
         across = [axis for axis in range(d) if axis != self.flat]
-        inside = np.full((len(line) ** len(across), d), 0.5)
-        inside[:, across] = 0.5 + 0.5 * np.array([*product(line, repeat=len(across))])
-        weight = span[:, across].prod(axis=1)[:, None] * np.prod(
-            list(product(share, repeat=len(across))), axis=1
-        )
+        points, share = gauss(3, len(across))  # which are exact for quadratics
+        inside = np.full((len(points), d), 0.5)
+        inside[:, across] = points
+        weight = span[:, across].prod(axis=1)[:, None] * share
         place = (first[:, None] + inside * span[:, None]).reshape(-1, d)
         # An outline may leave a part of an agent only.
         held = found.holds(h * place)

@@ -229,8 +229,9 @@ class BodyResult(OnCells, Result):
     def cuts(self, axis: str | None = None) -> Cuts:
         """Return the force (N) through every cut across an axis, and what equilibrium asks for.
 
-        There is a cut for each layer of cells, or of agents if these are larger. `axis` is "x", "y"
-        or "z"; unless given, the one along which the loads press most.
+        There is a cut for each layer of cells, or of agents if these are larger; within true
+        outlines, of first agents. `axis` is "x", "y" or "z"; unless given, the one along which the
+        loads press most.
 
         Raises
         ------

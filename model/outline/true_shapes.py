@@ -142,9 +142,13 @@ class ClosedLine:
 
     def touches(self, shape: tuple[int, int], axis: int, upper: int) -> bool:
         """Tell whether an arc touches a side of an array from within, without crossing it."""
+        inward, side = 1 - 2 * upper, upper * shape[axis]
+        # Arcs lie within the hulls of their control points.
+        if (inward * (self.arcs[..., axis] / self.arcs[..., 2] - side)).min() > CLOSE:
+            return False
         frames = ArcFrames(self.parted_along((float(axis == 1), float(axis == 0))))
         at = np.stack([frames.start, frames.end], axis=1)
-        depth = (1 - 2 * upper) * (at[..., axis] - upper * shape[axis])
+        depth = inward * (at[..., axis] - side)
         level = np.abs(np.stack([frames.first, frames.last], axis=1)[..., axis]) < CLOSE**0.5
         within = (at[..., 1 - axis] >= 0.0) & (at[..., 1 - axis] <= shape[1 - axis])
         on = (level & within & (np.abs(depth) < CLOSE)).any(axis=1)

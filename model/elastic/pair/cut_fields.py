@@ -308,11 +308,16 @@ def stress_rows(at: Floats, normal: Floats) -> tuple[Floats, Floats, Floats]:
     rows = np.zeros((n, 3, 3, 3, 12))
     # A Bézier point's place in a row is the sum of those of the corners that it is nearest to.
     place, net = np.array([0, 1, 4]), np.zeros((n, 13, 12))
-    about = place[:, None, None] + place[:, None] + place
+    about = (place[:, None, None] + place[:, None] + place).reshape(3, 9)
     for k in range(3):
         b = (k + 1) % 3
         points = own[k], there[k], back[k], own[b], inward[k], within[k], inward[b]
         net[:, [0, 1, 2, 3, 4, 5, 6, 8, 9, 12]] = np.stack([*points, inner[k], inner[b], core], 1)
-        bent = 6.0 * np.einsum("nia,ncijm,njb->ncabm", slope[:, k], net[:, about], slope[:, k])
-        rows[:, k] = np.stack([bent[:, :, 1, 1], bent[:, :, 0, 0], -bent[:, :, 0, 1]], axis=2)
+        x, y = np.moveaxis(slope[:, k], 2, 0)
+        twice = [
+            y[:, :, None] * y[:, None],
+            x[:, :, None] * x[:, None],
+            -x[:, :, None] * y[:, None],
+        ]
+        rows[:, k] = 6.0 * np.stack(twice, 1).reshape(n, 1, 3, 9) @ net[:, about]
     return rows, corners, area.reshape(n, 3)[:, 0]

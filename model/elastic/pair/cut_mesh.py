@@ -88,20 +88,21 @@ class CutMesh:
 
         Stresses in flat triangles are so stiff that what is soft would drown in rounding.
         """
-        flat = self._flatness
+        flat, longest = self._flatness, self._legs.argmax(axis=1)
+        beyond = self.beside[self.edge[np.arange(len(flat)), longest]].sum(axis=1)
+        beyond -= np.arange(len(flat))  # -1 beyond the border
+        rows = np.flatnonzero((flat < FLAT) & (beyond >= 0) & (self.law[beyond] == self.law))
+        others = beyond[rows]
+        a, b, tip = self.triangle[rows[:, None], (longest[rows, None] + np.arange(3)) % 3].T
+        c = self.triangle[others].sum(axis=1) - a - b
+        new = np.stack([a, c, tip, c, b, tip], axis=1).reshape(-1, 2, 3)
+        least = replace(self, triangle=new.reshape(-1, 3))._flatness.reshape(-1, 2).min(axis=1)
+        better = least > np.minimum(flat[rows], flat[others])
         known: set[int] = set()
         triangle, leaf = self.triangle.copy(), self.leaf.copy()
-        for row in np.flatnonzero(flat < FLAT).tolist():
-            side = int(self._legs[row].argmax())
-            a, b, tip = np.roll(self.triangle[row], -side)
-            (other,) = np.setdiff1d(self.beside[self.edge[row, side]], [-1, row]).tolist() or [row]
-            (c,) = np.setdiff1d(self.triangle[other], [a, b]).tolist() if other != row else [tip]
-            new = np.array([(a, c, tip), (c, b, tip)])
-            if {row, other} & known or self.law[other] != self.law[row]:
-                continue
-            better = replace(self, triangle=new)._flatness.min() > min(flat[row], flat[other])
-            if better:
-                triangle[[row, other]], leaf[row] = new, leaf[other]
+        for row, other, both in zip(rows[better], others[better], new[better], strict=True):
+            if not {row, other} & known:
+                triangle[[row, other]], leaf[row] = both, leaf[other]
                 known |= {row, other}
         return replace(self, triangle=triangle, leaf=leaf).flipped() if known else self
 

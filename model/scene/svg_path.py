@@ -315,10 +315,10 @@ def _close(lines: list[list[Floats]], start: Point, here: Point) -> None:
     if not lines or not lines[-1]:
         return
     arcs = np.array([*lines[-1], line(here, start)])
-    points = arcs[:, :, :2] / arcs[:, :, 2:]
+    points = arcs[:, :, :2]  # ends have a weight of 1
     length = np.ptp(points, axis=1).max(axis=1)
     kept = arcs[length > 1e-9 * np.ptp(points.reshape(-1, 2), axis=0).max()]
-    kept[:, 3, :2] = kept[:, 3, 2:] * (np.roll(kept[:, 0, :2] / kept[:, 0, 2:], -1, axis=0))
+    kept[:, 3, :2] = np.roll(kept[:, 0, :2], -1, axis=0)
     lines[-1] = list(kept)
 
 

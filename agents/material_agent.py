@@ -121,7 +121,7 @@ class MaterialAgent(PlacedAgent):
         # Over each arm the box there; the engine finds it when something is handed over.
         self._around: list[LoadBox | None] = [None] * len(self.engine.opposite)
         self._handed: object = self
-        self._sent_by: tuple[object, Any] = self.engine.usual[self._kind][self._form]
+        self._sent_by: tuple[object, Any] = self, None  # shares, and what is sent by them
 
     def __getstate__(self) -> dict[str, Any]:
         """Leave out the neighbours: a copy meets its own, one would drag along all others."""
@@ -185,7 +185,7 @@ class MaterialAgent(PlacedAgent):
     def emissions(self, load: Load) -> tuple[Emission, ...]:
         """Return what leaves the agent for each newton of a load."""
         shares, sent = self._sent_by
-        if shares is not self.shares:  # it has others than its material
+        if shares is not self.shares:
             sent = self.engine.emissions_of(self)
             self._sent_by = self.shares, sent
         emissions: tuple[Emission, ...] = sent[load[3]][load[0]]

@@ -83,11 +83,6 @@ class AgentEngine:
         # The scene is asked about blocks of some 256 cells, and about each but once.
         self.edge = round(256 ** (1.0 / self.lattice.dimension))
         self.seen: dict[Index, tuple[int, int, int]] = {}  # kind, number and form of cells
-        # What leaves an agent of each material and form; those of other shares are worked out late.
-        self.usual: list[list[tuple[Shares, SentOut]]] = [
-            [(shares, self._emissions(shares, form)) for form in range(self.lattice.forms)]
-            for shares in transfer.shares
-        ]
         self._sent: dict[tuple[Shares, int], SentOut] = {}
         self.space = space_of(self.lattice, model.random)
         self.agents: dict[Index, MaterialAgent] = {}
@@ -260,17 +255,14 @@ class AgentEngine:
                 raise self.guard.wrong(agent, "shares", problem)
             if len(self._sent) > MOST_REMEMBERED:
                 self._sent.clear()
-            sent = self._sent[shares, form] = self._emissions(shares, form)
+            sent = self._sent[shares, form] = {
+                sense: tuple(
+                    Emissions(self.transfer.emissions(shares, direction, sense, form))
+                    for direction in range(self.lattice.directions)
+                )
+                for sense in self.senses
+            }
         return sent
-
-    def _emissions(self, shares: Shares, form: int) -> SentOut:
-        return {
-            sense: tuple(
-                Emissions(self.transfer.emissions(shares, direction, sense, form))
-                for direction in range(self.lattice.directions)
-            )
-            for sense in self.senses
-        }
 
     def split(self, agent: MaterialAgent, emissions: Iterable[Emission], magnitude: float) -> Split:
         """Part the emissions of a load of a magnitude (N): those that go on, those that end."""

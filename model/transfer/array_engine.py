@@ -11,8 +11,7 @@ copies are newtons. `AgentEngine` does the same with objects.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from itertools import groupby, pairwise
-from operator import itemgetter
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -426,26 +425,18 @@ class ArrayEngine:
         row = np.empty(len(self.key), dtype=np.int32)
         row[agents] = np.arange(len(agents))
         start = 0, np.empty(0, dtype=np.int32), np.empty(0)
-        when, places, loads = map(list, zip(start, *self._record(), strict=True))
+        when, places, loads = zip(start, *self.record, strict=True)
         generation = np.repeat(when, list(map(len, places)))
-        place, load = np.concatenate(places), np.concatenate(loads)
-        del places, loads
-        cell, state = np.divmod(place, np.int32(self.states))
-        direction = (state % self.directions).astype(np.int8)
-        return TakenHistory(generation, row[cell], direction, load, state >= self.directions)
-
-    def _record(self) -> Iterable[tuple[int, NDArray[np.int32], Floats]]:
-        """Return what was taken, of each generation by place in the body."""
-        if (self.key[1:] > self.key[:-1]).all():  # all cells were seen at once
-            return self.record
-        rank = np.empty_like(self.key)
-        rank[np.argsort(self.key)] = np.arange(len(rank))
-        record = []
-        for when, parts in groupby(self.record, itemgetter(0)):
-            place, load = map(np.concatenate, list(zip(*parts, strict=True))[1:])
-            order = np.argsort(rank[place // self.states], kind="stable")
-            record.append((when, place[order], load[order]))
-        return record
+        load = np.concatenate(loads)
+        cell, state = np.divmod(np.concatenate(places), np.int32(self.states))
+        direction, pull = (state % self.directions).astype(np.int8), state >= self.directions
+        columns: tuple[Any, ...] = generation, row[cell], direction, load, pull
+        if (self.key[1:] < self.key[:-1]).any():  # blocks of cells were seen one after another
+            rank = np.empty_like(self.key)
+            rank[np.argsort(self.key)] = np.arange(len(rank))
+            order = np.argsort(generation * len(rank) + rank[cell], kind="stable")
+            columns = tuple(column[order] for column in columns)
+        return TakenHistory(*columns)
 
 
 def _slices(count: int, each: int = 1) -> Iterator[slice]:

@@ -32,7 +32,7 @@ METHODS: dict[Any, tuple[str, ...]] = {
     agent_engine.AgentEngine: (
         "__init__", "_clear", "begin", "act", "end", "hand_over", "box_over",
         "emissions_of", "split", "_give_back", "_open_boxes", "_judged", "_bring", "_put",
-        "_emissions", "_wake", "note_taken", "_note_states", "_arms_to_wakers",
+        "_wake", "note_taken", "_note_states", "_arms_to_wakers",
     ),
 }  # fmt: skip
 """Methods of classes that a page makes in another way."""

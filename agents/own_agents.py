@@ -53,10 +53,11 @@ def check_class(name: str, agent: object, base: type) -> None:
         return
     usual = BOUNDARIES["rigid"] if base is BoundaryAgent else base
     if not (isinstance(agent, type) and issubclass(agent, base)):
-        raise ParameterError(
-            f"{name}: a subclass of {base.__name__} is needed, got {brief(agent)}; write `class "
-            f"Mine(kaju.{usual.__name__})` and give the class itself"
-        )
+        cure = f"write `class Mine(kaju.{usual.__name__})` and give the class itself"
+        if isinstance(agent, type) and issubclass(agent, BoundaryAgent):
+            cure = f'a boundary goes into boundary_agents={{"rigid": {agent.__name__}}}'
+        needed = f"{name}: a subclass of {base.__name__} is needed, got {brief(agent)}"
+        raise ParameterError(f"{needed}; {cure}")
     _check_hooks(f"{name}: {agent.__name__}", agent, base)
     _check_names(name, agent, base)
     cure = "; take *start and call super().__init__(*start) first"

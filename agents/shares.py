@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
+
+from kaju.errors import AgentError
 
 Sense = Literal["push", "pull"]
 """A push travels along its force, a pull against it."""
@@ -32,6 +34,14 @@ class Load(NamedTuple):
     def total(self) -> float:
         """Sum of the equal loads (N)."""
         return self.magnitude * self.copies
+
+    def __mul__(self, factor: object) -> Any:
+        """Refuse to be taken for a number, or for a tuple to repeat."""
+        raise AgentError("load: is no number; take load.total (N), its magnitude times its copies")
+
+    def __rmul__(self, factor: object) -> Any:
+        """Refuse it on this side, too."""
+        return self * factor
 
     def turned(self) -> Load:
         """Return the load with the same force and the other sense: it travels back."""

@@ -56,7 +56,9 @@ def takes_objects(engine: str, agent: type, usual: type, small: bool) -> bool:
     """Tell whether agents are to be objects: asked for, of your own class, or few ("auto")."""
     own_class = agent is not usual
     if engine not in ("auto", "agents", "arrays"):
-        raise ParameterError(f"engine: 'auto', 'agents' or 'arrays', got {engine!r}")
+        told = "; a class of agents goes into material_agent= or face_agent="
+        cure = told if isinstance(engine, type) else ""
+        raise ParameterError(f"engine: 'auto', 'agents' or 'arrays', got {engine!r}{cure}")
     if engine == "arrays" and own_class:
         raise ParameterError(
             f"engine: 'arrays' knows no {getattr(agent, '__name__', agent)}; "

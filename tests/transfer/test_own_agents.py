@@ -6,7 +6,8 @@ from plates import loaded, plate
 from transfer_answers import ENGINES
 
 from kaju import ElasticRule, FreeBoundaryAgent, LoadModel, MaterialAgent, PrescribedRule, Shares
-from kaju.errors import AgentError
+from kaju.agents.shares import Load
+from kaju.errors import AgentError, ParameterError
 
 
 def column(force=-1.0, cells=6, threshold=0.05, alpha=(0.5, 0.8, 0.0), **rule):
@@ -37,6 +38,12 @@ def test_of_own_agents_nothing_is_known_and_growth_is_watched():
 def test_a_class_is_given_and_not_an_agent():
     with pytest.raises(AgentError, match="without brackets: Growing"):
         LoadModel(column(), material_agent=Growing())
+    with pytest.raises(ParameterError, match="a boundary goes into boundary_agents="):
+        LoadModel(column(), material_agent=Felt)
+    with pytest.raises(ParameterError, match="goes into material_agent="):
+        LoadModel(column(), Growing)
+    with pytest.raises(AgentError, match=r"load\.total"):
+        0.5 * Load(direction=2, magnitude=1.0)
 
 
 class Felt(FreeBoundaryAgent):

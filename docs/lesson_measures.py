@@ -122,22 +122,6 @@ def half_width(profile: NDArray[Any]) -> float:
     return float(np.mean(widths))
 
 
-def _first_red(seen: Seen) -> float:
-    """Return the smallest share ahead, in hundredths, with which loads do not die out."""
-    keep, _, aside = seen.scene.rule.alpha
-    steps = (n / 100 for n in range(100))
-    return next(a for a in steps if not seen.with_(alpha=(keep, a, aside)).stable())
-
-
-def _doubles_in_elasticity(seen: Seen) -> bool:
-    """Return whether half of the load moves all cells half as far in elasticity."""
-    force = seen.scene.applied().force[0]
-    half = kaju.solve(seen.scene.with_overrides({"loads.0.force": (0.5 * force).tolist()}))
-    centres = seen.scene.lattice.centres(seen.stage.cells)
-    whole, halved = (one.displacement_at(centres) for one in (seen.elastic, half))
-    return bool(np.allclose(whole, 2.0 * halved, rtol=1e-9, atol=0.0))
-
-
 def _straight(seen: Seen, rows: list[int], root: bool = False, elastic: bool = False) -> float:
     """Return how straight half widths lie over the depth, or over its root: 1 is a line."""
     depth = np.array(rows) - 0.5
@@ -157,7 +141,6 @@ PLANE: Words = {
     "stable": lambda seen: seen.certificate.stable,
     "verdict": lambda seen: seen.certificate.verdict,
     "radius": lambda seen: seen.certificate.upper,  # growth of the load in a generation, at most
-    "first_red": _first_red,
     "derived": lambda seen: list(  # what an elastic agent hands on: ahead, back, to two sides
         attrgetter("forward", "backward", "friction", "friction")(
             kaju.ElasticRule().shares(seen.scene.cell_materials[0], 2)
@@ -195,7 +178,6 @@ PLANE: Words = {
     "elastic_moved": lambda seen, *cell: float(  # a cell's own, which the page shows
         1e9 * np.linalg.norm(seen.elastic.cells().displacement[cell])
     ),
-    "doubles_in_elasticity": _doubles_in_elasticity,
     "misfit": lambda seen: float(kaju.compare(seen.run, seen.elastic).displacement.misfit),
     # forces through rows, and how wide the pressure is
     "cuts": lambda seen: seen.run.cuts("y").carried[::-1].round(6).tolist(),

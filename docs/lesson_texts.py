@@ -114,7 +114,8 @@ def lesson(name: str) -> Lesson:
         scene = kaju.Scene.from_toml(blocks["toml scene"])
         for part in re.split(r"^### ", source, flags=re.M)[1:]:
             own = dict(FENCE.findall(part))
-            changes = _flat(tomllib.loads(own["toml try"]))
+            rows = re.findall(r"^(\S+) = (.+)$", own["toml try"], re.M)
+            changes = {key: tomllib.loads(f"is = {value}")["is"] for key, value in rows}
             scenes.append(scene.with_overrides(changes) if changes else scene)
     kinds = tomllib.loads(blocks["toml questions"])["question"]
     told = tomllib.loads(blocks["toml lesson"])
@@ -157,12 +158,3 @@ def _question(item: str) -> Question:
     read = _QUESTION.match(_FIELD.sub("", body).strip())
     assert read, f"a question is '(10 min) **What?** ...', got {item!r:.60}"
     return Question(int(read[1]), plain(read[2]), plain(read[3]), plain("".join(hint)), fields)
-
-
-def _flat(table: dict[str, Any], start: str = "") -> dict[str, Any]:
-    """Return nested tables by key paths: rule.alpha, loads.0.force."""
-    found: dict[str, Any] = {}
-    for key, value in table.items():
-        nested = isinstance(value, dict)
-        found |= _flat(value, f"{start}{key}.") if nested else {f"{start}{key}": value}
-    return found

@@ -5,7 +5,7 @@ import { ticksOf } from "./charts.js";
 import { button, draw, make, MODES } from "./controls.js";
 import { FONT, paintNumbers, paintWord } from "./paint.js";
 import { hand } from "./scene.js";
-import { general, local, quantity } from "./words.js";
+import { general, local, prefixOf, quantity } from "./words.js";
 
 const SAME = 1e-9, NUMBERS = 46;               // of the load: what rounding leaves; pixels for the numbers beside bars
 const placed = (page) => page.look.cuts ??= { rows: [0.97, 0.82].map((part) => Math.floor(part * page.run.lattice.shape[loadAxis(page.scene).axis])), chosen: 1 };
@@ -29,12 +29,12 @@ function paintBars(page, view, cuts, box, upright) {
   const { ctx, u } = view, { inks, t } = page, { rows, chosen } = placed(page), known = cuts.flatMap((cut) => [cut.carried, cut.elastic, cut.needed]).filter((v) => !Number.isNaN(v));
   const high = Math.max(...known, 1e-300), low = Math.min(0, ...known), from = upright ? box.x : box.y, long = upright ? box.w - NUMBERS : box.h, F = (v) => from + long * (v - low) / (high - low);
   const P = (at) => (upright ? view.y0 - u * at : view.x0 + u * at), point = (v, at) => (upright ? [F(v), P(at)] : [P(at), F(v)]);
-  const [first, last] = [cuts[0].at, cuts.at(-1).at + 1], digits = Math.max(0, Math.min(12, 3 - Math.floor(Math.log10(high))));
+  const [first, last] = [cuts[0].at, cuts.at(-1).at + 1], digits = Math.max(0, Math.min(12, 3 - Math.floor(Math.log10(high)))), [factor, prefix] = prefixOf(high, "N");
   ctx.lineWidth = 1; ctx.font = FONT; ctx.fillStyle = inks.soft; ctx.strokeStyle = inks.hair;
   for (const v of ticksOf(low, high, upright && box.w > 190 ? 4 : 2)) {
     ctx.beginPath(); ctx.moveTo(...point(v, first)); ctx.lineTo(...point(v, last)); ctx.stroke();
     ctx.textAlign = upright ? "center" : "right"; ctx.textBaseline = upright ? "bottom" : "middle";
-    ctx.fillText(quantity(v, "N"), ...(upright ? [F(v), P(last) - 4] : [P(first) - 4, F(v)]));
+    ctx.fillText(`${general(v / factor, 3)} ${prefix}N`, ...(upright ? [F(v), P(last) - 4] : [P(first) - 4, F(v)]));
   }
   paintWord(ctx, t("throughEach"), box.x + box.w, upright ? P(last) - 28 : box.y - 14, inks.ink, inks, { font: `600 ${FONT}`, align: "right" });
   for (const { at, carried, elastic } of cuts) {

@@ -194,7 +194,7 @@ export class MotionPage extends Page {
   }
   drawSprings(view, ink) {
     const { parts, count, held, points, dimension, inks } = this, { ctx } = view, nodes = points.length / dimension;
-    const room = Math.min(1, view.W / 600, view.H / 600);   // a phone, or a frame beside others
+    const room = Math.min(1, view.w / 600, view.h / 600);   // a phone, or a frame beside others
     const width = Math.max(1, room * Math.min(5, 260 / Math.sqrt(count))), lists = new Map();
     for (let s = 0; s < count; s++) if (this.there(s)) { const c = ink(s); if (!lists.has(c)) lists.set(c, []); lists.get(c).push(s); }
     const stroke = (list, ink, wide) => {

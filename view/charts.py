@@ -22,7 +22,6 @@ from .style import (
     INK,
     LINE,
     caption,
-    figure_of,
     label_axis,
     legend,
     new_axes,
@@ -113,20 +112,15 @@ _CURVES: Any = {
 def plot_curves(result: Any, ax: Axes | None = None, *, panel: int = 0) -> Axes | Figure:
     """Draw all curves of a result, or one panel of them on axes that are given."""
     every = _CURVES[result.kind](result) if result.kind in _CURVES else result.curves()
-    panels = [ax] if ax is not None else _panels(len(every))
-    for drawn, curves in zip(panels, every if ax is None else every[panel:], strict=False):
-        draw_curves(drawn, curves)
-    return ax if ax is not None else figure_of(panels[0])
-
-
-def _panels(count: int) -> list[Axes]:
-    """Return axes in a new figure, two side by side."""
-    rows, across = -(-count // 2), min(2, count)
+    if ax is not None:
+        for curves in every[panel : panel + 1]:
+            draw_curves(ax, curves)
+        return ax
+    rows, across = -(-len(every) // 2), min(2, len(every))
     figure = new_figure((4.9 * across, 3.6 * rows))
-    panels: list[Axes] = figure.subplots(rows, across, squeeze=False).ravel().tolist()
-    for empty in panels[count:]:
-        empty.set_axis_off()
-    return panels[:count]
+    for number, curves in enumerate(every, 1):
+        draw_curves(figure.add_subplot(rows, across, number), curves)
+    return figure
 
 
 _DASHES = ("-", "--", "-.", ":", (0, (5, 1, 1, 1, 1, 1)))

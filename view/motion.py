@@ -18,11 +18,9 @@ from scipy.spatial import cKDTree
 from kaju.arrays import Floats, Ints
 from kaju.model.elastic.elastic_result import ElasticResult
 from kaju.model.elastic.pair.cut_agents import CutAgents
-from kaju.model.outline.true_shapes import AIR, as_fine
 from kaju.model.results.mesh import corner_order
 from kaju.model.results.result import BodyResult, Curves, solved_scene
 from kaju.model.scene import Scene
-from kaju.model.scene.curves import flattened
 from kaju.model.transfer.transfer_result import TransferResult
 
 from .body_plots import force_arrows
@@ -70,9 +68,8 @@ class Motion:
     shares: Floats | None = None  # which part of the forces acts in each frame, all of it if None
     visits: Sequence[int] = ()  # level that acted before each frame, where blocks have parents
     outcome: str = ""  # how the run ended, in words
-    outlines: Sequence[dict[str, Any]] = ()
-    """What cuts the parts, first the box, then regions by their curves: "solid", and "lines", the
-    number of points of each. These are the last points: one, and three a cubic curve."""
+    outlines: Sequence[int] = ()
+    """How many points each closed line has within which parts are shown; these are the last."""
 
 
 def applied(scene: Scene, stage: int | None = None) -> Arrows:
@@ -319,14 +316,15 @@ def _within_outlines(result: ElasticResult, shown: Motion) -> Motion:
     """Return agents as their body's true outlines cut them, if it has any."""
     if not isinstance(result.found, CutAgents) or shown.moved is None:
         return shown
-    places, moved, regions = curves_of(result, result.found)
+    rings = result.found.rings()
+    places, moved = (np.concatenate(part) for part in zip(*rings, strict=True))
     still = np.zeros((len(shown.moved) - 1, *moved.shape))
     return replace(
         shown,
         points=np.concatenate([shown.points, places]),
         moved=np.concatenate([shown.moved, np.concatenate([still, moved[None]])], axis=1),
         curves=[*shown.curves, *along_outlines(result, result.found)],
-        outlines=regions,
+        outlines=[len(ring) for ring, _ in rings],
     )
 
 
@@ -375,9 +373,7 @@ def growth_steps(result: GrowthResult) -> Motion:
         **_apart(lattice.centres(np.argwhere(result.body))[:, None] + corners),
         at=steps.astype(float),
         along="step",
-        values={
-            "density": ("", np.rint(256.0 * result.designs[steps]) / 256.0)
-        },  # more would not deflate
+        values={"density": ("", _steps_of(result.designs[steps], 256))},
         curves=growth_curves(result),
         forces=applied(result.scene, result.stage),
         outcome=result.outcome,
@@ -472,33 +468,6 @@ def _faces_moved(run: ElasticRun, along: Floats) -> Floats:
     return moved
 
 
-_ON_CURVE = np.linalg.inv(
-    [[(1 - t) ** 3, 3 * t * (1 - t) ** 2, 3 * t**2 * (1 - t), t**3] for t in (0, 1 / 3, 2 / 3, 1)]
-)
-"""Control points of the cubic curve through four points."""
-
-
-def curves_of(
-    result: ElasticResult, found: CutAgents
-) -> tuple[Floats, Floats, list[dict[str, Any]]]:
-    """Return control points of the outlines (m), how they move (m), and their lines.
-
-    Every line begins with a point, and three follow for each cubic curve. First stands the box,
-    which has none, then region by region whether it is solid, and the number of points of each of
-    its lines.
-    """
-    body, places, moved = found.ground.true, [np.empty((0, 2))], [np.empty((0, 2))]
-    regions: list[dict[str, Any]] = [{"solid": body.law != AIR, "lines": []}]
-    for region in body.regions:
-        lines = [flattened(as_fine(line.arcs, found.leaves), 3) for line in region.lines]
-        regions.append({"solid": region.solid, "lines": [len(at) + 1 for at in lines]})
-        for line in lines:
-            at = found.ground.edge * line
-            places.append(_as_curves(at))
-            moved.append(_as_curves(result.displacement_near(at)))
-    return np.concatenate(places), np.concatenate(moved), regions
-
-
 def along_outlines(result: ElasticResult, found: CutAgents) -> list[Curves]:
     """Return the hoop stress over the way along every named outline."""
     drawn = []
@@ -508,10 +477,3 @@ def along_outlines(result: ElasticResult, found: CutAgents) -> list[Curves]:
         title = f"Hoop stress: {name}"
         drawn.append(Curves(title, "place", "m", way, {"hoop stress": hoop}, "Pa"))
     return drawn
-
-
-def _as_curves(points: Floats) -> Floats:
-    """Return the control points of cubic curves through every third of these points, closed."""
-    of = np.stack([points[0::3], points[1::3], points[2::3], np.roll(points[0::3], -1, 0)], 1)
-    controls = np.einsum("ij,njd->nid", _ON_CURVE, of)
-    return np.concatenate([controls[:1, 0], controls[:, 1:].reshape(-1, 2)])

@@ -47,18 +47,19 @@ def check_word(key: str, word: str, known: Collection[str]) -> None:
 
 def one_a_place(places: Ints, values: NDArray[Any], how: How) -> tuple[Ints, NDArray[Any]]:
     """Return places (n, dimension), each once, and one value of all that stand there."""
+    if not len(places):
+        return places, values
     order = np.lexsort(places.T)
     places, values = places[order], values[order]
     first = np.ones(len(places), dtype=np.bool_)
     first[1:] = np.any(places[1:] != places[:-1], axis=1)
     starts = np.flatnonzero(first)
-    if len(starts) and how == "farthest":  # from 0
+    if how == "farthest":  # from 0
         low, high = (pairing.reduceat(values, starts) for pairing in (np.minimum, np.maximum))
         values = np.where(-low > high, low, high)
-    elif len(starts):
-        values = {"min": np.minimum, "max": np.maximum, "sum": np.add}[how].reduceat(
-            values, starts, axis=0
-        )
+    else:
+        found = {"min": np.minimum, "max": np.maximum, "sum": np.add}[how]
+        values = found.reduceat(values, starts, axis=0)
     return places[starts], values
 
 
@@ -134,17 +135,14 @@ class Section:
             inside &= cells[:, self.cut[0]] == self.cut[1]
         return inside
 
-    def tiles(self, cells: Ints) -> Ints:
-        """Return the tiles, shape (n, 2), that cells of the body belong to."""
-        return np.floor_divide(cells[:, self.axes], self.block)
-
     def gather(self, cells: Ints, values: NDArray[Any], how: How) -> tuple[Ints, NDArray[Any]]:
         """Return the tiles that show cells, (n, dimension), and one value each; leave out others.
 
         `values`, shape (n,) or (n, m): what the cells have.
         """
         shown = self.holds(cells)
-        return one_a_place(self.tiles(cells[shown]), np.asarray(values)[shown], how)
+        tiles = np.floor_divide(cells[shown][:, self.axes], self.block)
+        return one_a_place(tiles, np.asarray(values)[shown], how)
 
     def in_plane(self, points: Floats) -> Floats:
         """Return points or vectors of the body, shape (n, dimension), as they are seen."""

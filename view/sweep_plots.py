@@ -66,7 +66,8 @@ def plot_sweep_map(
     rows = table["error"].to_numpy() == ""
     value = good[measure].to_numpy(dtype=np.float64)
     across, along = where[rows].T
-    drawn = ax.scatter(across, along, c=value, s=_size(where), cmap=SEQUENTIAL, marker="s")
+    size = float(np.clip(2e4 / len(where), 12.0, 400.0))
+    drawn = ax.scatter(across, along, c=value, s=size, cmap=SEQUENTIAL, marker="s")
     ax.scatter(where[~rows, 0], where[~rows, 1], c=FORCE, s=24, marker="x", lw=1.2)
     for axis, key, (place, names) in zip("xy", (x, y), places, strict=True):
         _axis(ax, axis, key, place, names)
@@ -133,7 +134,3 @@ def _in_ratios(place: Floats) -> bool:
         return False
     middle = 0.5 * (low + high), np.sqrt(low * high)  # of even differences, of even ratios
     return bool(np.median(place) < np.sqrt(middle[0] * middle[1]))
-
-
-def _size(where: Floats) -> float:
-    return float(np.clip(2e4 / len(where), 12.0, 400.0))

@@ -41,13 +41,6 @@ Text = str | Mapping[str, str]
 """What a reader reads: one text, or one for each language ("en", "de", "ja")."""
 
 
-def _in(language: str | None, text: Text | None) -> str | None:
-    """Return a text in a language: in English unless there is one."""
-    if text is None or isinstance(text, str):
-        return text
-    return text.get(language or "en") or next(iter(text.values()), None)
-
-
 MODULES = (
     "lattice.js", "history.js", "rule.js", "deformation.js", "words.js", "scene.js", "controls.js",
     "paint.js", "charts.js", "state.js",
@@ -157,7 +150,9 @@ def export_page(
             raise ParameterError(f"presets: {name!r} must be a Scene, or one with a text, in pairs")
     about = {"title": title, "language": language, "lesson": lesson}
     packed = packed_page(from_file(of), text, presets, about, exact=exact, python=python)
-    html = page_html(packed, _in(language, title) or "kaju", python=python)
+    titles = title if isinstance(title, Mapping) else {"en": title}
+    named = titles.get(language or "en") or next(iter(titles.values()), None)
+    html = page_html(packed, named or "kaju", python=python)
     with atomic_file(target, ResultFileError) as scratch:
         scratch.write_text(html, encoding="utf-8")
     return target

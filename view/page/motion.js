@@ -168,22 +168,13 @@ export class MotionPage extends Page {
       fillRimmed(this.view, px, py, corners, ink(part), 1);
     }
   }
-  /** Leave of the parts what is within the outlines, curves to which the last points belong; a later region covers earlier ones. */
+  /** Leave of the parts what is within closed lines, to which the last points belong. */
   cutOut(view) {
     const { outlines, points, inks } = this, { ctx, r, W, H } = view, mask = new OffscreenCanvas(W, H), pen = mask.getContext("2d");
-    let n = points.length / 2 - outlines.flatMap(({ lines }) => lines).reduce((a, b) => a + b, 0);
-    const at = () => view.point(this.where(n++));
+    let n = points.length / 2 - outlines.reduce((a, b) => a + b, 0);
     pen.setTransform(r, 0, 0, r, 0, 0);
-    if (outlines[0].solid) pen.fillRect(0, 0, W, H);
-    for (const { solid, lines } of outlines) {
-      pen.beginPath();
-      for (const count of lines) {
-        pen.moveTo(...at());
-        for (let k = 1; k < count; k += 3) pen.bezierCurveTo(...at(), ...at(), ...at());
-      }
-      pen.globalCompositeOperation = solid ? "source-over" : "destination-out";
-      pen.fill("evenodd");
-    }
+    for (const count of outlines) for (let k = 0; k < count; k++) pen[k ? "lineTo" : "moveTo"](...view.point(this.where(n++)));
+    pen.fill("evenodd");
     ctx.save(); ctx.resetTransform();
     ctx.globalCompositeOperation = "destination-over";   // parts that moved apart a little get their neighbours' colours between them, no edge
     for (const [x, y] of [[r, 0], [-r, 0], [0, r], [0, -r]]) ctx.drawImage(view.canvas, x, y);

@@ -414,7 +414,7 @@ def breaks(result: FractureResult) -> Motion:
     )
 
 
-def _steps_of(values: Floats, count: int) -> Floats:
+def _steps_of(values: NDArray[np.floating], count: int) -> Floats:
     """Round to so many steps or more up to the largest: other digits would not deflate."""
     most = float(np.abs(values).max(initial=0.0)) or 1.0
     step = 2.0 ** np.floor(np.log2(most / count))

@@ -3,7 +3,7 @@ PYTHON ?= python3
 VENV ?= .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test test-plain test-slow stress check format pictures bench bench-quick pages docs clean
+.PHONY: demo test test-plain test-slow stress check format pictures bench bench-quick pages lessons docs clean
 
 demo: $(VENV)/.kaju
 	$(BIN)/kaju demo --out demo --force
@@ -90,6 +90,10 @@ bench-quick: $(VENV)/.test
 
 pages: $(VENV)/.test
 	$(BIN)/python docs/make_pages.py
+
+# All lessons in one file, for a class or a colleague without Python.
+lessons: $(VENV)/.test
+	$(BIN)/python tools/release.py --lessons $$($(BIN)/python -c 'import kaju; print(kaju.__version__)')
 
 # The site, in site/: texts, lessons with their pages, tutorials that ran, and the public names.
 docs: $(VENV)/.docs

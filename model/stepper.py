@@ -56,6 +56,7 @@ class Stepper(ABC, Generic[R]):
 def not_balanced(after: str, off: float) -> str:
     """Return how agents ended that lost or made loads: a share of all loads."""
     return (
-        f"ended after {after} with a ledger that does not balance: {off:.1e} of all loads are not "
-        "accounted for; let a take or pass_on of your own call super(), or book all that it does"
+        f"ended after {after} with a ledger that does not balance: {100.0 * off:.2g} % of all "
+        "loads are not accounted for; let a take or pass_on of your own call super(), or book all "
+        "that it does"
     )

@@ -81,7 +81,8 @@ def step_to_end(
     whole = isinstance(until, Integral) and not isinstance(until, bool) and until > 0
     if not (until is None or callable(until) or whole):
         raise ParameterError(
-            f"until: a function of the model, or a number of steps, is needed, got {until!r}"
+            "until: a function of the model, or a number of steps above 0, is needed, "
+            f"got {until!r}"
         )
     left = int(until) if isinstance(until, Integral) else None
 

@@ -148,7 +148,7 @@ def test_folders_of_runs_are_compared_and_nothing_is_replaced_unasked(stored, ty
 
 def test_scenes_and_references_in_the_wrong_place_are_refused(stored, typed):
     folder, _ = stored
-    with pytest.raises(ParameterError, match=r"run it first \(kaju run plate.toml\)"):
-        typed("compare", folder / "run", "plate.toml")
+    with pytest.raises(ResultFileError, match=r"is a scene; run it first: kaju run .*plate\.toml"):
+        typed("compare", folder / "run", ROOT / "examples" / "plate.toml")
     with pytest.raises(ResultError, match="the other way round"):
         typed("compare", ELEMENTS, folder / "run")

@@ -177,10 +177,8 @@ class OwnAgents:
     def emissions(self, agent: MaterialAgent, sent: Any) -> list[Any]:
         """Return the emissions that an agent answers; refuse anything else."""
         checked: list[Any] = []
-        no_emission = (
-            "returned {}, which is no Emission; rows are (arm, direction, share, sense); "
-            "return [] to pass nothing on"
-        )
+        no_emission = "returned {}, which is no Emission; rows are (arm, direction, share, sense)"
+        no_emission += "; return [] to pass nothing on"
         rows = sent if hasattr(sent, "__iter__") else [sent]
         for row in islice(rows, MOST_EMISSIONS + 1):  # what a generator raises is the agent's own
             try:
@@ -237,11 +235,10 @@ class OwnAgents:
         fits |= {name: is_number(amount) and amount >= 0.0 for name, amount in amounts.items()}
         if all(fits.values()):
             return ""
-        unfit, senses = [name for name in fits if not fits[name]], map(repr, self.senses)
+        unfit = [name for name in fits if not fits[name]]
         own = f"an arm of {arms}, " if isinstance(agent, MaterialAgent) else ""
-        told = " or ".join(senses)
-        told += "" if "pull" in self.senses else " ('pull' needs sense = true in the rule)"
+        pull = "or 'pull'" if "pull" in self.senses else "('pull' needs sense = true in the rule)"
         return (
             f"; wrong: {', '.join(unfit)}; it must have {own}a direction from 0 to {every[-1]}, a "
-            f"finite {' and '.join(amounts)} of at least 0, and the sense {told}"
+            f"finite {' and '.join(amounts)} of at least 0, and the sense 'push' {pull}"
         )

@@ -78,9 +78,8 @@ class Parameter(Declaration):
         bounded = self.is_bool or (low is not None and high is not None)
         told = f"low, high: a Parameter needs both bounds, as in Parameter({default!r}, 0, 10, "
         require(bounded, f'{told}"what it means"), got {low!r} and {high!r}')
-        unlike = not (is_number(self.low) and is_number(self.high))
-        ordered = unlike or self.low <= self.high
-        require(ordered, f"low, high: low is above high, got {low!r} and {high!r}")
+        swapped = is_number(self.low) and is_number(self.high) and self.low > self.high
+        require(not swapped, f"low, high: low is above high, got {low!r} and {high!r}")
         self.checked(default)
 
     def __get__(self, agent: Any, owner: type) -> Any:

@@ -16,7 +16,7 @@ export function curvesOf(run) {
   sum = 0;
   const taken = run.waits.map((load) => (sum += load));
   const curves = [["agents", "", [run.alive], []], ["onTheWay", "N", [run.waits], []], ["largest", "N", [largest], []]];
-  return [...curves, ["ledger", "N", ended.length ? [taken, ended] : [taken], ["takenInAll", "endedInAll"]]];
+  return [...curves, [run.ends ? "ledger" : "takenInAll", "N", ended.length ? [taken, ended] : [taken], ["takenInAll", "endedInAll"]]];
 }
 
 const LEFT = 40, RIGHT = 10, FOOT = 18, LINE = 14;

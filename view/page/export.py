@@ -201,15 +201,20 @@ def packed_page(
     data, columns = scene_data(scene)
     header |= {"scene": data, "kind": "runnable"}
     if isinstance(shown, TransferResult) and (own or not _by_the_rule(shown)):
+        last, certificate = shown.last, shown.certificate
+        stable, verdict = bool(certificate.stable), certificate.verdict
+        if not certificate.known and last.outcome:  # nobody knew before the run; now it is known
+            stable = last.outcome.startswith("at rest")
+            verdict = last.outcome + (f", {len(last.cells)} agents" if stable else "")
         header |= {
             "kind": "recorded",
-            "outcome": shown.last.outcome,
-            "stable": bool(shown.certificate.stable) if shown.certificate.known else None,
-            "verdict": shown.certificate.verdict,
+            "outcome": last.outcome,
+            "stable": stable or (False if certificate.known else None),
+            "verdict": verdict,
             "late": account is None,
-            "states": [[s.name, s.meaning, isinstance(s.default, bool)] for s in shown.last.states],
+            "states": [[s.name, s.meaning, isinstance(s.default, bool)] for s in last.states],
         }
-        history = history_columns(scene, shown.last, account)
+        history = history_columns(scene, last, account)
         for name, column in history.items():
             small = column.dtype == np.float64 and not exact
             columns[name] = column.astype(np.float32) if small else column

@@ -67,9 +67,13 @@ def _check_scene(scene: Scene, as_json: bool) -> None:
     for note in () if as_json else scene.notes:
         typer.echo(f"note: {note}")
     if scene.outlined or scene.rule.kind == "elastic":  # nothing that loads could grow by
-        _begin(scene)
+        notes = scene.notes_on(_begin(scene))
+        for note in () if as_json else notes[len(scene.notes) :]:
+            typer.echo(f"note: {note}")
         words = "no mistake was found in the scene; compute it with kaju solve"
-        told = {"stable": True, "verdict": words, "notes": scene.notes}
+        if any("?" in note for note in notes):
+            words = "a note asks a question; if all is meant so, compute the scene with kaju solve"
+        told = {"stable": True, "verdict": words, "notes": notes}
         typer.echo(json.dumps(told) if as_json else words)
         return
     certificate = stability(scene)
@@ -93,19 +97,20 @@ def _check_scene(scene: Scene, as_json: bool) -> None:
     raise typer.Exit(0 if certificate.stable else 1)
 
 
-def _begin(scene: Any) -> None:
-    """Do what an answer begins with, which refuses a scene that has none."""
+def _begin(scene: Any) -> float:
+    """Do what an answer begins with; return the largest displacement (m) if it is known, or 0."""
     from kaju.model.elastic.equal.grid import grid_of
     from kaju.model.study.solving import solve
 
     if scene.outlined:
-        solve(scene, 0.9 if scene.lattice.dimension == 2 else None)
-    elif scene.rule.order != "wave":
+        return solve(scene, 0.9 if scene.lattice.dimension == 2 else None).max_displacement
+    if scene.rule.order != "wave":
         grid_of(scene, None)
     else:  # waves may grow; the others wait for no import of Mesa
         from kaju.model.elastic.relaxation.elastic_model import ElasticModel
 
         ElasticModel(scene)
+    return 0.0
 
 
 def materials(

@@ -63,10 +63,12 @@ NAMES = {
     "seconds": "time_taken",
     "largest_stress_Pa": "largest_mean_von_Mises_Pa",
     "load_dropped": "load_ended",
+    "goals": "goal",
 }
 """Keys that say more to a reader under another name."""
 
 SAID = {"notes", "outcome", "model", "kaju_version", "iterations", "residual", "subdivision"}
+SAID |= {"goal", "goal_error"}  # stand in the lines of goals
 """Keys that stand in other lines, or are for files."""
 
 
@@ -111,14 +113,16 @@ def _rows(summary: Mapping[str, Any]) -> Iterator[tuple[str, str, str]]:
             for number, entry in enumerate(value, start=1):
                 units = dict.fromkeys(entry, entry.get("unit", "")) | {"relative_error": ""}
                 told = {k: v for k, v in entry.items() if v is not None and k != "unit"}
-                parts = [f"{k} {text_of(v, units[k])}" for k, v in told.items()]
+                parts = [f"{k} {text_of(v, units[k], named=True)}" for k, v in told.items()]
+                if isinstance(entry.get("value"), list):
+                    parts.append("errors are of the vector, relative to its length")
                 yield f"{name} {number}", ", ".join(parts), ""
         else:
             yield name, text_of(value, unit), meaning
 
 
-def text_of(value: object, unit: str = "") -> str:
-    """Return a key figure as people read it: four digits, and its unit."""
+def text_of(value: object, unit: str = "", named: bool = False) -> str:
+    """Return a key figure as people read it: four digits, its unit, and perhaps its axes."""
     if isinstance(value, bool):
         return "yes" if value else "no"
     if isinstance(value, int):
@@ -129,7 +133,8 @@ def text_of(value: object, unit: str = "") -> str:
         numbers = [abs(part) for part in value if isinstance(part, float)]
         least = 1e-9 * max(numbers, default=0.0)  # beside the others, rounding is nothing
         parts = [0.0 if isinstance(v, float) and abs(v) < least else v for v in value]
-        return ", ".join(text_of(part, unit) for part in parts) or "none"
+        axes = ("x ", "y ", "z ") if named else [""] * len(parts)
+        return ", ".join(a + text_of(v, unit) for a, v in zip(axes, parts, strict=False)) or "none"
     return str(value)
 
 

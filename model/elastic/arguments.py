@@ -24,8 +24,9 @@ def check_numbers(
     if tolerance is not None:
         number = isinstance(tolerance, (int, float, np.number)) and not isinstance(tolerance, bool)
         if not (number and isfinite(tolerance) and least <= tolerance < 1.0):
+            meant = f"; {tolerance:g} % are {tolerance / 100:g}" if number and tolerance > 1 else ""
             raise ParameterError(
-                f"tolerance: must be a number from {least:g} to 1, got {tolerance!r}"
+                f"tolerance: must be a number from {least:g} to 1, got {tolerance!r}{meant}"
             )
     whole = {"resolution": resolution, "stage": stage, "most_agents": most_agents}
     for name, value in whole.items():

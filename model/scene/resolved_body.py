@@ -240,6 +240,11 @@ def resolve(
     shape = body.cells if picture is None else picture.codes.shape
     assert shape is not None
     lattice = body.lattice_of(shape)
+    for name in [region.name for region in body.regions if region.name in sides]:
+        raise SceneError(
+            f"sides.{name}: {name!r} is an outline, and only sides of the array can be held; hold "
+            "a side, or load the outline instead ([[loads]] with its name as outline)"
+        )
     _check_sides(sides, lattice.sides)
     found = _materials(body, picture, materials)
     check_count(len(found))

@@ -89,7 +89,10 @@ class Scene(Description):
             return self
         check_body(self._resolved, self.body.allow_floating)
         check_gravity(self._resolved, self.body.gravity)
-        _ = self.selections
+        try:
+            _ = self.selections
+        except SceneError as error:  # loads may miss a part that lies elsewhere
+            raise SceneError("; ".join([str(error), *self._cut_off])) from None
         return self
 
     @classmethod
@@ -212,17 +215,22 @@ class Scene(Description):
                     f"{where}.surface: a shell within another looks outwards, too; it was taken "
                     "for a cavity. If it is a part of its own, give it a region of its own"
                 )
-            given = self.body.regions[number]
-            if isinstance(given.surface or given.path, SurfaceFile | PathFile):
-                beyond = _beyond(shape, self.lattice, given.material == "air")
-                found += [f"{where}: {beyond}"] if beyond else []
             # of a radius of 2.4 cells becomes a square, of 5 the disk is off by 10 %
             if not self.outlined and isinstance(shape, Ball) and shape.radius < 5.0 * h:
                 found.append(
                     f"{where}: its radius of {shape.radius:g} m is {shape.radius / h:.2g} cells, "
                     'so cells make a polygon of it; take smaller cells, or outline = "true"'
                 )
-        return tuple(found)
+        return (*found, *self._cut_off)
+
+    @property
+    def _cut_off(self) -> Iterator[str]:
+        """Which shapes of files reach beyond the array, in words."""
+        pairs = zip(self.body.regions, self._resolved.regions, strict=True)
+        for number, (given, filled) in enumerate(pairs):
+            if isinstance(given.surface or given.path, SurfaceFile | PathFile):
+                beyond = _beyond(filled.shape, self.lattice, given.material == "air")
+                yield from [f"body.regions.{number}: {beyond}"] if beyond else []
 
     def notes_on(self, displacement: float) -> tuple[str, ...]:
         """Return the `notes`, and one more where the largest displacement (m) is not small."""

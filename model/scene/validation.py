@@ -101,7 +101,8 @@ class Described(_Model):
         for key in values:
             if key not in cls.model_fields:
                 meant = _SAME.get(str(key).lower())
-                meant = f" (did you mean {meant!r}?)" if meant in cls.model_fields else ""
+                half = ", half of it" if key == "diameter" else ""
+                meant = f" (did you mean {meant!r}{half}?)" if meant in cls.model_fields else ""
                 meant = meant or suggestion(str(key), cls.model_fields)
                 text = f"unknown key{meant or '; known are ' + ', '.join(cls.model_fields)}"
                 raise PydanticCustomError("unknown_key", "{text}", {"key": str(key), "text": text})

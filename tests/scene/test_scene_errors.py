@@ -77,7 +77,7 @@ REGIONS = [
     ({"box": [[0, 0], [0, 1]], "material": "air"}, "body.regions.0.box: .*must be the lower one"),
     ({"ball": {"centre": [0, 0], "radius": 1}, "material": "air"}, "three dimensions; use disk"),
     ({"disk": {"centre": [0.1, 0.1], "radius": 1e-3}, "material": "air"}, "holds no cell's centre"),
-    ({"disk": {"centre": [0, 0], "diameter": 1}}, r"unknown key \(did you mean 'radius'\?\)"),
+    ({"disk": {"centre": [0, 0], "diameter": 1}}, r"key \(did you mean 'radius', half of it\?\)"),
     ({"circle": {}}, r"unknown key \(did you mean 'disk'\?\)"),
     ({"disk": {"centre": [0, 0], "radius": 20}, "material": "air"}, "0: leaves nothing.* metres?"),
     ({"polygon": [[0, 0], [0, 1], [0, 2]], "material": "air"}, "corners lie on one line"),

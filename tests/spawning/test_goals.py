@@ -216,6 +216,8 @@ def test_what_cannot_be_asked_is_told_in_one_line(asked, match):
         solve(plate(), tolerance=0.1, goal=asked)
     assert "\n" not in str(caught.value)
     assert str(caught.value).startswith("goal")
+    with pytest.raises(ParameterError, match=r"component: .*'hop' \(did you mean 'hoop'"):
+        Stress("hole", "hop")
 
 
 def test_air_and_empty_regions_are_outside():

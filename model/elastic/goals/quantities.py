@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations_with_replacement, product
 from math import hypot, isfinite
 from typing import Any
 
@@ -27,10 +28,10 @@ HOOP = "hoop"
 
 
 class _Parsed:
-    """A quantity whose place and direction become tuples, whatever sequences are given."""
+    """A quantity whose parts are checked; its place and direction become tuples."""
 
     def __post_init__(self) -> None:
-        for name, parse in {"at": _place, "along": _direction}.items():
+        for name, parse in {"at": _place, "along": _direction, "component": _component}.items():
             if hasattr(self, name):
                 object.__setattr__(self, name, parse(getattr(self, name)))
 
@@ -153,6 +154,7 @@ class Goal:
     def figures(self) -> dict[str, Any]:
         """Return its entry in a summary."""
         return {
+            "quantity": named(self.quantity),
             "value": np.asarray(self.value).tolist(),
             "unit": UNITS[type(self.quantity)][0],
             "error_estimate": finite(self.error_estimate),
@@ -266,12 +268,20 @@ def component_of(name: str, dimension: int) -> tuple[int, int] | None:
     axes = AXES[:dimension]
     if name == "von_mises":
         return None
-    if not (isinstance(name, str) and len(name) == 2 and all(letter in axes for letter in name)):
-        known = [f"{axes[i]}{axes[j]}" for i in range(len(axes)) for j in range(i, len(axes))]
-        raise ParameterError(
-            f"goal: there is no stress {name!r}; there is {', '.join(known)}, von_mises"
-        )
+    if not all(letter in axes for letter in name):
+        known = ", ".join(map("".join, combinations_with_replacement(axes, 2)))
+        raise ParameterError(f"goal: there is no stress {name!r}; there is {known}, von_mises")
     return axes.index(name[0]), axes.index(name[1])
+
+
+def _component(name: Any) -> str:
+    known = [*map("".join, product(AXES, repeat=2)), "von_mises", HOOP]
+    if name not in known:
+        raise ParameterError(
+            f"component: there is no {name!r}{suggestion(str(name), known)}; there is xx, yy, xy "
+            f"and the like, von_mises, and {HOOP} along true outlines"
+        )
+    return str(name)
 
 
 def _is_point(value: object) -> bool:

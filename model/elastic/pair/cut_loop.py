@@ -73,7 +73,7 @@ def peak_asked(scene: Scene, goal: AskedFor | None) -> Stress | Deflection | Non
     elif isinstance(first, Stress) and at in named:
         if first.component == HOOP:
             return first
-        wrong = f"no {first.component!r}{suggestion(first.component, [HOOP])} of an outline"
+        wrong = f"no {first.component!r} of an outline"
     raise ParameterError(
         f"goal: {wrong}; within true outlines it is the largest hoop stress along an outline "
         f"({', '.join(named) or 'none has a name'}) or the deflection of a free side "

@@ -11,7 +11,7 @@ import numpy as np
 
 from kaju import __version__
 from kaju.arrays import Flags, Floats, Ints, first_largest
-from kaju.errors import KajuError, ResultError, suggestion
+from kaju.errors import KajuError, ParameterError, ResultError, suggestion
 from kaju.model.elastic.arguments import check_numbers
 from kaju.model.elastic.caveats import caveats_of, no_limit, refuse_singular, unproved
 from kaju.model.elastic.corners import sharp_corners
@@ -445,6 +445,12 @@ class ElasticResult(BodyResult):
                     "meet, so nothing is known there; ask for the stress at a point"
                 )
             return self._hoop[name]
+        at = getattr(asked, "at", None)
+        if isinstance(at, str) and at in [region.name for region in self.scene.body.regions]:
+            raise ParameterError(
+                f"value_of: along the outline {at!r} only the stress {HOOP!r} can be asked for; "
+                "for others give a point, a box or a side"
+            )
         if not self.scene.outlined:
             refuse_singular(self.scene, [asked], "value_of")
         return plain(unit_of(asked, self.found.scales) * goal_of(asked, self.grid).read(self.found))

@@ -20,7 +20,6 @@ from kaju.errors import KajuError, ParameterError, suggestion
 from kaju.model.elastic.corners import ON_EDGE
 from kaju.model.elastic.equal.cell_agents import CellAgents
 from kaju.model.elastic.goals.quantities import (
-    HOOP,
     Deflection,
     Goal,
     Place,
@@ -169,11 +168,6 @@ def where_of(at: Place, scene: Scene) -> Where:
 
 def _side(name: str, scene: Scene) -> Where:
     lattice = scene.lattice
-    if name in [region.name for region in scene.body.regions]:
-        raise ParameterError(
-            f"goal: along the outline {name!r} only the stress {HOOP!r} can be asked for; for "
-            "others give a point, a box or a side"
-        )
     if name not in lattice.sides:
         raise ParameterError(
             f"goal: there is no side {name!r}{suggestion(name, lattice.sides)}; there is "

@@ -7,32 +7,23 @@ how far it is from the body and the loads that were described.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from itertools import product
 from math import isfinite
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kaju.arrays import Flags, Floats, first_largest
+from kaju.arrays import Floats, first_largest
 from kaju.errors import SingularPlaceError
 from kaju.model.elastic.goals.quantities import Quantity, Stress
 from kaju.model.elastic.pair.answer import PairAgents
 from kaju.model.results.mesh import corner_order
 from kaju.model.scene import Scene
-from kaju.model.scene.cell_types import AIR
-from kaju.model.scene.resolved_body import relation
 from kaju.model.scene.shapes import Box
 
-from .corners import singular_at
+from .corners import ON_EDGE, RE_ENTRANT, singular_at
 
 if TYPE_CHECKING:
-    from kaju.model.scene.selection import Selection
-
     from .elastic_result import ElasticResult
-
-STEPPED = 0.2
-"""What steps change of the energy, as a share of the energy within a cell of them. Of rings, holes
-and Cook's membrane the truth was 0.4 to 1.9 times this (tests/elasticity/test_caveats.py)."""
 
 
 def refuse_singular(scene: Scene, goals: Iterable[Quantity], name: str = "goal") -> None:
@@ -52,28 +43,20 @@ def refuse_singular(scene: Scene, goals: Iterable[Quantity], name: str = "goal")
             )
 
 
-def near_steps(grid: Scene, points: Floats) -> Flags:
-    """Tell which points (m) lie in or beside cells that slanted or round outlines cross."""
-    lattice, near = grid.lattice, np.zeros(len(points), dtype=np.bool_)
-    h, within = lattice.cell_size, (np.arange(3) + 0.5) / 3  # Points along the edge of a cell
-    own = np.floor(points / h).astype(np.int64)
-    for number, region in enumerate(grid.body.regions):
-        if region.image is not None:  # pixels lie along the axes, and a stored scene has none
-            continue
-        shape = region.shape_in(lattice, f"body.regions.{number}")
-        if not isinstance(shape, Box):
-            low, high = (np.asarray((own + step) * h) for step in (-1, 2))
-            whole, apart = relation(shape, low, high)
-            at = np.flatnonzero(~(whole | apart))
-            for step in product((-1, 0, 1), repeat=lattice.dimension):
-                cells = own[at] + step
-                inside = [
-                    shape.contains((cells + offset) * h)
-                    for offset in product(within, repeat=lattice.dimension)
-                ]
-                crossed = np.any(inside, axis=0) & ~np.all(inside, axis=0)
-                near[at] |= crossed & lattice.contains(cells)
-    return near
+def is_stepped(grid: Scene) -> bool:
+    """Tell whether cells make steps of an outline, or a surface, that is not along the axes."""
+    lattice, regions = grid.lattice, enumerate(grid.body.regions)
+    # Pixels lie along the axes.
+    shapes = [
+        region.shape_in(lattice, f"body.regions.{number}")
+        for number, region in regions
+        if region.image is None
+    ]
+    if lattice.dimension == 3:
+        return not all(isinstance(shape, Box) for shape in shapes)
+    curves = (arcs[..., :2] / arcs[..., 2:] for shape in shapes for arcs in shape.outline())
+    slants = [np.ptp(points, axis=1).min(axis=1).max() for points in curves]
+    return max(slants, default=0.0) > ON_EDGE * lattice.cell_size
 
 
 def no_limit(result: ElasticResult, agent: int) -> str:
@@ -82,10 +65,10 @@ def no_limit(result: ElasticResult, agent: int) -> str:
         away = result.sharp_corners - result.lower[agent]
         near = ((away >= 0.0) & (away <= result.size[agent])).all(axis=1)
         return "a sharp corner, or the end of a support" if near.any() else ""
-    if near_steps(result.grid, result.middle[agent, None])[0]:
-        return "a step of an outline that is not along the axes"
     ends = result.lower[agent] + result.size[agent] * corner_order(result.lower.shape[1])
-    return next(filter(None, (singular_at(result.scene, end) for end in ends)), "")
+    reason = next(filter(None, (singular_at(result.grid, end) for end in ends)), "")
+    either = "a step of an outline that is not along the axes, or a re-entrant corner"
+    return either if reason == RE_ENTRANT and is_stepped(result.grid) else reason
 
 
 def caveats_of(result: ElasticResult) -> tuple[str, ...]:
@@ -142,65 +125,39 @@ def _of_error(result: ElasticResult) -> Iterator[str]:
 
 
 def _of_loads(grid: Scene) -> Iterator[str]:
-    """Say which loads do not act just where they are described, and how far off they are."""
+    """Say which loads need not act just where they are described, or act on ever fewer cells."""
     h = grid.lattice.cell_size
     for number, (load, chosen) in enumerate(zip(grid.loads, grid.selections, strict=True)):
-        inside = bool(np.all(chosen.direction < 0))
-        shaped = load.region is not None and load.region.box is None
-        normal = np.unique(chosen.direction[chosen.direction >= 0]) // 2
-        drag = load.force and len(normal) and np.delete(load.force, normal).any()
-        ends = not inside and (drag or shaped) and _ends_on_surface(grid, chosen)
+        inside, region = bool(np.all(chosen.direction < 0)), load.region
         if load.point is not None:
             yield (
                 f"loads.{number} is spread over the {h:.3g} m of its cell: at a point it would "
                 "have infinite energy; smaller cells make it sharper"
             )
-        elif (shaped and ends) or (inside and (shaped or chosen.part is not None)):
-            edge = 0.5 * h if shaped else h
+        elif region is not None and (region.box is None or (inside and chosen.part is not None)):
+            edge = h if region.box else 0.5 * h
             yield (
-                f"loads.{number} takes whole {'cells' if inside else 'faces'}: the edge of its "
-                f"region moves by up to {edge:.3g} m; take smaller cells or a larger resolution"
+                f"loads.{number} takes whole faces or cells: the edge of its region moves by up "
+                f"to {edge:.3g} m; take smaller cells or a larger resolution"
             )
-        if drag and ends:
-            yield f"loads.{number} ends along the surface: there stress grows without limit"
+        drag = not inside and load.force and np.delete(load.force, chosen.direction // 2).any()
+        if drag and load.side is None:
+            yield f"loads.{number} drags the surface: where it ends, stress grows without limit"
 
 
 def _of_outlines(result: ElasticResult) -> Iterator[str]:
-    """Say what steps of cells change of the body described, and where it has sharp corners."""
+    """Say that cells make steps of outlines, and where the body has sharp corners."""
     h, corners = result.grid.lattice.cell_size, result.sharp_corners
-    near = near_steps(result.grid, result.middle)
-    if near.any():
-        corners = corners[~near_steps(result.grid, corners)]
-        density = np.einsum("nij,nij->n", result.stress, result.strain)
-        energy = density * result.size**result.scene.lattice.dimension
-        share = STEPPED * float(energy[near].sum() / (energy.sum() or 1.0))
+    if is_stepped(result.grid):
         yield (
-            f"outlines are steps of {h:.3g} m: proofs hold for this stepped body, whose energy "
-            "differs from that of the body described, round or slanted, by an estimated "
-            f"{100 * share:.1g} %, and whose stress at the steps grows with smaller agents; a "
-            'region with outline = "true" has no steps'
+            f"outlines are steps of {h:.3g} m: proofs hold for this stepped body, not for the round "
+            "or slanted one described; stress at the steps grows with smaller agents, as at other "
+            're-entrant corners; a region with outline = "true" has no steps'
         )
-    if many := len(corners):
+    elif many := len(corners):
         at, more = "corners" if many > 1 else "corner", f" and {many - 3} more" * (many > 3)
         places = ", ".join(map(_point, corners[:3].tolist()))
         yield f"no limit of stress at {many} {at}: it grows with smaller cells at {places} m{more}"
-
-
-def _ends_on_surface(grid: Scene, chosen: Selection) -> bool:
-    """Tell whether a free face that is not among some goes on from one of them in its plane."""
-    lattice = grid.lattice
-    directions = np.unique(chosen.direction).tolist()
-    for direction, axis, step in product(directions, range(lattice.dimension), (-1, 1)):
-        cells = chosen.cells[chosen.direction == direction]
-        beside = cells + step * (np.arange(lattice.dimension) == axis)
-        beside = beside[lattice.contains(beside)]
-        beside = beside[~np.isin(lattice.key(beside), lattice.key(cells))]
-        beside = beside[grid.kinds(beside) >= 0]
-        if axis != direction // 2 and np.any(
-            grid.kinds(lattice.neighbours(beside, direction)) == AIR
-        ):
-            return True
-    return False
 
 
 def _point(point: Floats | tuple[float, ...]) -> str:

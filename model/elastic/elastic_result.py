@@ -276,28 +276,11 @@ class ElasticResult(BodyResult):
         doubts = [goal.no_bound for goal in self.found.goals] or [self.no_bound]
         return "estimated" if any(doubts) else "proved"
 
-    def opinions_at(self, points: Floats) -> tuple[Floats, Floats]:
-        """Return the stress (Pa) that balances, and that of `displacement_at`, at points (m).
-
-        Of points on a side between two agents either may be taken.
-
-        Raises
-        ------
-        ResultError
-            If agents did not spawn in the plane, or points lie outside of the body.
-        """
-        found, unit = self._pair("opinions_at", in_plane=True), self.found.scales.stress
-        balanced, fitted = found.opinions_at(*found.located(points))
-        return unit * balanced, unit * fitted
-
-    def _pair(self, name: str, in_plane: bool = False) -> PairAgents:
-        """Return the agents if they spawned, and in the plane if only such have what is asked."""
-        found = self.found
-        if not isinstance(found, PairAgents) or (in_plane and not found.two_minds):
-            where = " in the plane" if in_plane else ""
-            told = f"{name}: only agents that spawned{where} can tell it"
-            raise ResultError(f"{told}; solve with a tolerance")
-        return found
+    def _pair(self, name: str) -> PairAgents:
+        """Return the agents if they spawned: only such have what is asked."""
+        if isinstance(self.found, PairAgents):
+            return self.found
+        raise ResultError(f"{name}: only agents that spawned can tell it; solve with a tolerance")
 
     @property
     def goal_error(self) -> float:
@@ -402,7 +385,7 @@ class ElasticResult(BodyResult):
     def stress_at(self, points: Floats) -> Floats:
         """Return stress tensors (Pa) at points (m), shape (n, dimension, dimension).
 
-        Of agents that spawned in the plane the mean of `opinions_at`, of which `error_bound` is
+        Of agents that spawned in the plane the mean of both opinions, of which `error_bound` is
         proved; it jumps a little from agent to agent. Of others `stress`, running from each to the
         next.
         """

@@ -157,12 +157,7 @@ class PairAgents(OnCells):
 
     def stress_at(self, points: Floats, cells: Ints) -> Floats:
         """Return stress tensors at points (m) in or on cells of the grid."""
-        return self._told(*self.opinions_at(points, cells))
-
-    def opinions_at(self, points: Floats, cells: Ints) -> tuple[Floats, Floats]:
-        """Return the stresses that balance, and those that fit, at points (m)."""
-        found: tuple[Floats, Floats] = self.opinions.stresses_at(*self.placed(points, cells))
-        return found
+        return self._told(*self.opinions.stresses_at(*self.placed(points, cells)))
 
     def law_at(self, points: Floats, cells: Ints) -> Ints:
         """Return the index of the moduli of the agents in or on which points lie."""

@@ -59,19 +59,6 @@ def _processor() -> str:
     return names[0] if names else platform.processor() or "unknown"
 
 
-def write_csv(path: Path, found: Sequence[Measurement]) -> None:
-    """Write all measurements as comma-separated values."""
-    pd.DataFrame(map(asdict, found)).to_csv(path, index=False)
-
-
-def read_csv(path: Path) -> list[Measurement]:
-    """Read what `write_csv` wrote."""
-    absent = dict.fromkeys(("seconds", "memory", "max_error", "l2_error"), "")
-    table = pd.read_csv(path, keep_default_na=False, na_values=absent).astype(object)
-    rows = table.where(table.notna(), None).to_dict("records")
-    return [Measurement(**{str(name): value for name, value in row.items()}) for row in rows]
-
-
 PEERS = {
     "superlu": "bilinear ones with SuperLU",
     "pardiso": "with PARDISO",
@@ -202,22 +189,19 @@ def draw(found: Sequence[Measurement], path: Path) -> Path:
     return save(figure, path)
 
 
-def run(folder: Path, quick: bool, resume: bool, record: bool) -> None:
-    """Measure all jobs and write table, picture and figures into a folder, row by row.
+def run(folder: Path, quick: bool, record: bool) -> None:
+    """Measure all jobs, or small ones, and write table, picture and words into a folder.
 
-    `quick`: small sizes only; `resume`: keep the rows that the folder has, and measure the others;
     `record`: let the documents quote them.
     """
     check_writable(folder, ResultFileError)
     folder.mkdir(parents=True, exist_ok=True)
     table = folder / "work_precision.csv"
-    found = read_csv(table) if resume and table.exists() else []
-    done = {(m.problem, m.method, m.division) for m in found}
+    found: list[Measurement] = []
     for job in jobs(quick):
-        if job not in done:
-            found.append(in_a_fresh_process(*job))
-            write_csv(table, found)
-            print(_line(found[-1]))
+        found.append(in_a_fresh_process(*job))
+        pd.DataFrame(map(asdict, found)).to_csv(table, index=False)  # as far as it has come
+        print(_line(found[-1]))
     conditions = environment()
     words = f"{ratios(found)}\n\n{measured_on(conditions)}\n"
     (folder / "work_precision.md").write_text(words, encoding="utf-8")
@@ -240,9 +224,8 @@ if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("folder", nargs="?", type=Path, default=Path(__file__).parent / "results")
     parser.add_argument("--quick", action="store_true", help="some minutes")
-    parser.add_argument("--resume", action="store_true", help="measure what the folder has not")
     parser.add_argument(
         "--publish", action="store_true", help="make it the record in docs, which README quotes"
     )
     told = parser.parse_args()
-    run(told.folder, told.quick, told.resume, told.publish)
+    run(told.folder, told.quick, told.publish)

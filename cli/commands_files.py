@@ -30,8 +30,8 @@ def check(
 ) -> None:
     """Say whether the loads of a scene will end, or a stored result is whole; exit code 1 if not.
 
-    Scenes with true outlines are solved roughly; for those with the elastic rule the first steps
-    are done. A stored result is read whole, and its ledger, forces and energies must balance.
+    Scenes with true outlines are solved roughly, those with the elastic rule on their cells. A
+    stored result is read whole, and its ledger, forces and energies must balance.
     """
     if file.suffix != ".toml" and (file.suffix in (".npz", ".xdmf") or file.is_dir()):
         _check_result(file, as_json)
@@ -98,19 +98,16 @@ def _check_scene(scene: Scene, as_json: bool) -> None:
 
 
 def _begin(scene: Any) -> float:
-    """Do what an answer begins with; return the largest displacement (m) if it is known, or 0."""
-    from kaju.model.elastic.equal.grid import grid_of
+    """Do what an answer begins with; return the largest displacement (m), 0 of waves."""
     from kaju.model.study.solving import solve
 
-    if scene.outlined:
-        return solve(scene, 0.9 if scene.lattice.dimension == 2 else None).max_displacement
-    if scene.rule.order != "wave":
-        grid_of(scene, None)
-    else:  # waves may grow; the others wait for no import of Mesa
+    if not scene.outlined and scene.rule.order == "wave":  # waves may grow
         from kaju.model.elastic.relaxation.elastic_model import ElasticModel
 
         ElasticModel(scene)
-    return 0.0
+        return 0.0
+    rough = 0.9 if scene.outlined and scene.lattice.dimension == 2 else None
+    return solve(scene, rough).max_displacement
 
 
 def materials(

@@ -282,10 +282,7 @@ class TransferResult(BodyResult):
         }
 
     def to_dataframe(self) -> pandas.DataFrame:
-        """Return one row per material agent of the last stage.
-
-        Lengths are in m, loads in N, stresses in Pa.
-        """
+        """Return one row per material agent, as it is at the end of the run."""
         import pandas
 
         stage, lattice = self.last, self.scene.lattice
@@ -293,9 +290,9 @@ class TransferResult(BodyResult):
         columns: dict[str, Any] = in_columns("cell_{}", stage.cells)
         columns |= {"material": materials[stage.material], "spawn_step": stage.spawn_step}
         for direction, name in enumerate(lattice.direction_names):
-            columns[f"taken_{name}"] = stage.taken[:, direction]
-        columns["dropped"] = stage.dropped
+            columns[f"taken_{name} (N)"] = stage.taken[:, direction]
+        columns["dropped (N)"] = stage.dropped
         columns |= {name: state.values() for name, state in self.states.items()}
-        columns |= in_columns("displacement_{}", self.displacement)
-        columns |= in_columns("strain_{}", self.strain) | in_columns("stress_{}", self.stress)
+        columns |= in_columns("displacement_{} (m)", self.displacement)
+        columns |= in_columns("strain_{}", self.strain) | in_columns("stress_{} (Pa)", self.stress)
         return pandas.DataFrame(columns)

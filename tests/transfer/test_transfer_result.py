@@ -31,6 +31,6 @@ def test_a_data_frame_has_a_row_per_agent(result):
     frame = result.to_dataframe()
     assert len(frame) == len(result.last.cells) == 7
     assert set(frame["material"]) == {"steel", "rubber"}
-    assert frame["taken_-y"].sum() == pytest.approx(result.last.taken[:, 2].sum())
+    assert frame["taken_-y (N)"].sum() == pytest.approx(result.last.taken[:, 2].sum())
     assert frame.loc[0, ["cell_x", "cell_y", "spawn_step"]].tolist() == [1, 2, 1]
-    np.testing.assert_array_equal(frame["stress_yy"], result.stress[:, 1, 1])
+    np.testing.assert_array_equal(frame["stress_yy (Pa)"], result.stress[:, 1, 1])

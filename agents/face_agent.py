@@ -13,8 +13,6 @@ from kaju._mesa import Cell, FixedAgent
 from kaju.arrays import Floats
 from kaju.errors import brief
 
-from .boundary_agent import BoundaryAgent
-from .material_agent import Amounts
 from .materials import Material
 from .parameter import is_number
 
@@ -33,7 +31,6 @@ class Place:
     materials: tuple[Material, ...]  # of the cells beside the face; empty for parents
     stiffness: float  # K (N/m): load that moves the face by 1 m while all others hold still
     links: tuple[Link, ...]  # to other faces and to supports
-    open_to: tuple[Link, ...] = ()  # to air beside the face, which gives its shares back
 
 
 class FaceAgent(FixedAgent):
@@ -96,23 +93,6 @@ class FaceAgent(FixedAgent):
         self.faces.taken[number] += abs(load)
 
     def pass_on(self, load: float) -> None:
-        """Hand the shares of a load to the neighbours and to what lies beyond the body."""
+        """Hand the shares of a load to the neighbours, and to supports."""
         for target, share in self.place.links:
             self.model.hand_over(self, target, share * load)
-        for air, share in self.place.open_to:
-            self.model.boundary_agent(air).returned += abs(share * load)
-
-
-class SupportAgent(BoundaryAgent):
-    """Ground, a wall or an elastic bed: it keeps what it is handed, and pushes back as much."""
-
-    faces: Any  # the state of all faces
-    held: tuple[tuple[int, int, float], ...]  # axis and number of a face, and its part of the load
-
-    @property
-    def reaction(self) -> dict[int, float]:
-        """Force on the body (N), by axis: the loads that it keeps, reversed."""
-        force: dict[int, float] = Amounts()
-        for axis, number, part in self.held:
-            force[axis] -= part * float(self.faces.left[number])
-        return force

@@ -6,7 +6,6 @@ from functools import partial
 from time import perf_counter
 from typing import Any, Literal
 
-from kaju.agents.boundary_agent import FreeBoundaryAgent
 from kaju.agents.face_agent import FaceAgent
 from kaju.agents.own_agents import check_class
 from kaju.errors import ParameterError, StabilityError, by_name
@@ -15,7 +14,6 @@ from kaju.model.elastic.equal.cell_agents import CellAgents
 from kaju.model.elastic.equal.staggered import strain_energy
 from kaju.model.elastic.equal.system import Solution
 from kaju.model.elastic.relaxation.elastic_run import (
-    BoundaryAgents,
     ElasticRun,
     FaceAgents,
     PushLedger,
@@ -184,7 +182,6 @@ class ElasticModel(SteppedModel):
         }.get(self.table.order)
         self._order = multilevel(self.engine) if act is None else repeated(act)
         self._loudest, self._meter = self._loudest_at_start, _ = self.state.survey()
-        self.engine.wake_supports()
         self.running = not self.outcome
 
     @property
@@ -201,19 +198,12 @@ class ElasticModel(SteppedModel):
         assert isinstance(self.engine, AgentPushEngine)
         self.engine.hand_over(sender, target, load)
 
-    def boundary_agent(self, number: int) -> FreeBoundaryAgent:
-        """Return the agent of the air cell with that number, awake."""
-        assert isinstance(self.engine, AgentPushEngine)
-        return self.engine.boundary_agent(number)
-
     def step(self) -> None:
         """Let one wave pass, one agent act, or the agents of one level take turns."""
         began = perf_counter()
         self.engine.idle += 1
         self.visit = next(self._order)
         self.state.generation += 1
-        self.state.note_supports()
-        self.engine.wake_supports()
         if self.visit.level == 0:
             # Between the levels the finest loads lack what their parents will yield.
             self._loudest, self._meter = self.state.survey()
@@ -300,7 +290,6 @@ class ElasticModel(SteppedModel):
             outcome=outcome,
             threshold=self.threshold,
             agents=agents,
-            boundary=BoundaryAgents.of(state),
             history=tuple(self.history),
             ledger=PushLedger.of(state),
             certificate=self.certificate,

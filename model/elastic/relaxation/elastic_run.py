@@ -1,6 +1,6 @@
 """What a run of the elastic rule leaves behind, gathered from its model.
 
-Its parts come first: steps, agents, boundary, ledger, and moments on the way.
+Its parts come first: steps, agents, ledger, and moments on the way.
 """
 
 from __future__ import annotations
@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from kaju import __version__
 from kaju.arrays import Floats, Ints
-from kaju.errors import ResultError
 from kaju.model.elastic.elastic_result import ElasticResult
 from kaju.model.elastic.equal.cell_agents import CellAgents
 from kaju.model.elastic.moduli import scene_moduli
@@ -23,7 +22,6 @@ from kaju.model.results.cuts import Carrying
 from kaju.model.results.result import BALANCE, BodyResult, Check, Curves, idle_rheology
 from kaju.model.results.stored import Column
 from kaju.model.scene import Scene
-from kaju.model.scene.cell_types import AIR, DISPLACED
 from kaju.model.stepper import not_balanced
 
 if TYPE_CHECKING:
@@ -68,37 +66,6 @@ class FaceAgents:
         return cls(*map(np.concatenate, zip(*rows, strict=True)))
 
 
-@dataclass(frozen=True, eq=False)
-class BoundaryAgents:
-    """The boundary agents: supports, then air; each ordered by spawn step and cell."""
-
-    cells: Annotated[Ints, Column("boundary dimension", -1)]  # Where they are
-    kind: Annotated[Ints, Column("boundary", DISPLACED, AIR)]  # What they are, see `cell_types`
-    spawn_step: Annotated[Ints, Column("boundary", 0)]  # Step in which a load first reached them
-    reaction: Annotated[Floats, Column("boundary dimension")]  # Force on the body (N), 0 from air
-    # Sum of the sizes of the loads (N) that air gave back; none by supports
-    returned: Annotated[Floats, Column("boundary", 0.0)]
-
-    @classmethod
-    def of(cls, state: PushState) -> Self:
-        """Return the supports and the air that loads have reached."""
-        table, faces, count = state.table, state.levels[0], state.table.levels[0].size
-        dimension, holding, air = table.problem.dimension, table.holding, table.open_air
-        by_axis = table.place_axes[:, None] == np.arange(dimension)
-        reaction = -(holding.links @ (by_axis * faces.left[count:, None]))
-        returned = air.links @ faces.taken
-        steps = holding.first(state.place_step), air.first(faces.spawn_step)
-        held, open_ = (_awake(step) for step in steps)
-        cells = np.concatenate([holding.cells[held], air.cells[open_]]) + np.asarray(table.origin)
-        return cls(
-            cells=cells,
-            kind=table.grid.kinds(cells),
-            spawn_step=np.concatenate([steps[0][held], steps[1][open_]]),
-            reaction=np.concatenate([reaction[held], np.zeros((len(open_), dimension))]),
-            returned=np.concatenate([np.zeros(len(held)), returned[open_]]),
-        )
-
-
 @dataclass(frozen=True)
 class PushLedger:
     """An account of every newton, per axis (N)."""
@@ -115,7 +82,7 @@ class PushLedger:
         axes, dimension = table.levels[0].place[0], table.problem.dimension
         resting, carried = np.zeros(dimension), np.zeros(dimension)
         np.add.at(resting, axes, left[: len(axes)])
-        np.add.at(carried, table.place_axes, left[len(axes) :])
+        np.add.at(carried, table.support_axes, left[len(axes) :])
         turnover = float(np.abs(left).sum() + np.abs(table.load).sum())
         return cls(table.applied, resting, carried, turnover)
 
@@ -202,7 +169,6 @@ class ElasticRun(BodyResult):
     outcome: str  # How the run ended, in words
     threshold: float  # γ (N)
     agents: FaceAgents  # Those that spawned
-    boundary: BoundaryAgents  # Supports and air that loads have reached
     history: tuple[StepRecord, ...]  # How things stood after every step
     ledger: PushLedger  # The account of every newton
     certificate: WaveCertificate | None  # Of waves, before the run
@@ -210,11 +176,6 @@ class ElasticRun(BodyResult):
     seconds: float  # Time that the run took (s)
 
     stage = property(lambda run: run.result.stage, doc="Stage of loading; None is the last.")
-
-    def __post_init__(self) -> None:
-        beyond = np.asarray(self.grid.lattice.shape)
-        if np.any(self.boundary.cells > beyond):
-            raise ResultError("'boundary.cells' must lie in the grid, or beside it")
 
     @property
     def scene(self) -> Scene:
@@ -275,7 +236,6 @@ class ElasticRun(BodyResult):
             "agents": len(self.agents.level),
             "agents_by_level": levels.tolist(),
             "levels": len(levels),
-            "boundary_agents": len(self.boundary.cells),
             "strain_energy": self.result.strain_energy,
             "potential_energy": last.energy if last else 0.0,  # body and loads: below 0
             "residual_load": last.loudest if last else 0.0,

@@ -7,11 +7,9 @@ from typing import Any
 
 import networkx
 import numpy as np
-import scipy.sparse as sp
 
-from kaju._mesa import Cell, FixedAgent, Network
-from kaju.agents.boundary_agent import FreeBoundaryAgent
-from kaju.agents.face_agent import FaceAgent, Link, Place, SupportAgent
+from kaju._mesa import Cell, Network
+from kaju.agents.face_agent import FaceAgent, Place
 from kaju.agents.own_agents import OwnAgents
 from kaju.agents.parameter import is_number
 from kaju.arrays import Floats, Ints
@@ -33,22 +31,16 @@ class AgentPushEngine(PushEngine):
         self.model, self.face_agent = model, face_agent
         self.guard, self.own = OwnAgents(model, (), 0, ()), face_agent is not FaceAgent
         self.agents: list[dict[int, FaceAgent]] = []
-        self.air: dict[int, FreeBoundaryAgent] = {}
-        self.supports: dict[int, SupportAgent] = {}
-        self._openings = table.open_air.links.T.tocsr()
         super().__init__(table)
 
     def reset(self) -> None:
         """Put the loads on the body, before any agent has yielded."""
-        faces = [agent for agents in self.agents for agent in agents.values()]
-        existing: list[FixedAgent] = [*faces, *self.air.values(), *self.supports.values()]
-        for agent in existing:
-            agent.remove()
+        for agents in self.agents:
+            for agent in agents.values():
+                agent.remove()
         super().reset()
         self.space = Network(networkx.Graph(), random=self.model.random)
-        self.cells: dict[tuple[object, ...], Cell] = {}
         self.agents = [{} for _ in self.table.levels]
-        self.air, self.supports = {}, {}
         self.outbox: list[tuple[int, float]] | None = None
 
     def relax_together(self, level: int, acting: Ints, loads: Floats) -> None:
@@ -131,7 +123,8 @@ class AgentPushEngine(PushEngine):
         agents = self.agents[level]
         if number not in agents:
             place, faces = self._place(level, number), self.state.levels[level]
-            cell = self._cell("face", level, place.axis, *place.index)
+            cell = Cell((level, place.axis, *place.index), random=self.model.random)
+            self.space.add_cell(cell)
             agents[number] = self.face_agent(self.model, cell, place, faces)
             self.guard.check_begun(agents[number], place.index)
             faces.spawn_step[number] = agents[number].spawn_step
@@ -140,40 +133,11 @@ class AgentPushEngine(PushEngine):
                     self.space.add_connection(cell, agents[target].cell)
         return agents[number]
 
-    def boundary_agent(self, number: int) -> FreeBoundaryAgent:
-        """Return the agent of an air cell; it spawns if there is none yet."""
-        if number not in self.air:
-            place = self.table.open_air.cells[number] + self.table.origin
-            self.air[number] = FreeBoundaryAgent(self.model, self._cell("air", *place.tolist()))
-        return self.air[number]
-
-    def wake_supports(self) -> None:
-        """Let an agent spawn in every supporting cell that a load has reached."""
-        table, state, holding = self.table, self.state, self.table.holding
-        faces = table.levels[0].size
-        cells = holding.cells + table.origin
-        for number in np.flatnonzero(holding.first(state.place_step)).tolist():
-            if number in self.supports:
-                continue
-            held = tuple(
-                (int(table.place_axes[place]), faces + place, part)
-                for place, part in _row(holding.links, number)
-            )
-            cell = self._cell("support", *cells[number].tolist())
-            agent = SupportAgent(self.model, cell)
-            agent.faces, agent.held = state.levels[0], held
-            agent.spawn_step = max(state.generation, 1)
-            self.supports[number] = agent
-
-    def _cell(self, *name: object) -> Cell:
-        if name not in self.cells:
-            self.cells[name] = Cell(name, random=self.model.random)
-            self.space.add_cell(self.cells[name])
-        return self.cells[name]
-
     def _place(self, level: int, number: int) -> Place:
         table, agents = self.table, self.table.levels[level]
         axis, index = (values[[number]] for values in agents.place)
+        shares = agents.shares
+        row = slice(shares.indptr[number], shares.indptr[number + 1])
         materials = []
         if level == 0:
             kinds = [int(table.problem.kinds[tuple(*cell)]) for cell in cells_beside(axis, index)]
@@ -186,12 +150,5 @@ class AgentPushEngine(PushEngine):
             table.positions(level)[number],
             tuple(materials),
             float(agents.stiffness[number]),
-            _row(agents.shares, number),
-            _row(self._openings, number) if level == 0 else (),
+            tuple(zip(shares.indices[row].tolist(), shares.data[row].tolist(), strict=True)),
         )
-
-
-def _row(matrix: sp.csr_array, number: int) -> tuple[Link, ...]:
-    """Return one row of a sparse array as links."""
-    row = slice(matrix.indptr[number], matrix.indptr[number + 1])
-    return tuple(zip(matrix.indices[row].tolist(), matrix.data[row].tolist(), strict=True))

@@ -42,9 +42,6 @@ class ArrayPushEngine(PushEngine):
         step = state.generation + 1
         self._book(*push_largest(count, faces.measured, state.threshold, step, faces))
 
-    def wake_supports(self) -> None:
-        """Do nothing: only objects are woken."""
-
     def _book(self, pushes: int, released: float) -> None:
         self.idle = 0 if pushes else self.idle
         self.state.pushes += pushes

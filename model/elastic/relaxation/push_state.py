@@ -46,8 +46,7 @@ class LevelState(NamedTuple):
 class PushState:
     """Loads and displacements on all levels, finest first.
 
-    `place_step` is the step in which a load first reached each support, 0 before; `energy` that of
-    body and loads together (J), 0 at the start: every step lowers it.
+    `energy` is that of body and loads together (J), 0 at the start: every step lowers it.
     """
 
     def __init__(self, table: PushTable) -> None:
@@ -64,8 +63,6 @@ class PushState:
         self.energy = 0.0
         self.pushes = 0
         self.generation = 0
-        self.place_step = np.zeros(len(table.load) - table.levels[0].size, dtype=np.int64)
-        self.note_supports()
 
     def restrict(self, level: int) -> None:
         """Sum the residual loads of a level up to loads of their parents."""
@@ -94,12 +91,6 @@ class PushState:
         loads = np.zeros(agents.size)
         loads[stands] = root * moved
         return loads
-
-    def note_supports(self) -> None:
-        """Note which supports a load has reached by now."""
-        carried = self.levels[0].left[self.table.levels[0].size :]
-        reached = (carried != 0.0) & (self.place_step == 0)
-        self.place_step[reached] = max(self.generation, 1)
 
     def survey(self) -> tuple[float, float]:
         """Return the largest residual load (as it counts against γ, N) and the error estimate."""
@@ -155,10 +146,6 @@ class PushEngine(ABC):
     def relax_chosen(self, order: Order[FaceAgent]) -> None:
         """Let the agents act that an order chooses from those above γ; any lowers the energy."""
         raise NotImplementedError("arrays do not act in an order of your own")
-
-    @abstractmethod
-    def wake_supports(self) -> None:
-        """Let an agent spawn in every supporting cell that a load has reached."""
 
 
 Direction = tuple[Floats, Floats]

@@ -7,8 +7,7 @@ agent i's load that goes to j is −K_ij/K_ii.
 
 A face at a free surface has no neighbour ahead. Its forward share comes straight back, it yields
 to it again, and again: P/k·(1 + c/k + c²/k² + ...) = P/(k − c), with c the stiffness that
-is missing. So at a free surface an agent has the smaller stiffness k − c; each time
-it yields by δ the boundary agent has given back cδ.
+is missing. So at a free surface an agent has the smaller stiffness k − c.
 
 By which share ω may all agents yield at once? A wave, a damped Jacobi step, changes the loads left
 by the factor I − ω D⁻¹K, with D the diagonal of K. It calms down if ω < 2/λmax(D⁻¹K). Cell by cell
@@ -20,10 +19,8 @@ iteration.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import permutations, product
 from math import sqrt
 
 import numpy as np
@@ -31,49 +28,19 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from kaju.agents.elastic_rule import ElasticRule
-from kaju.arrays import Floats, Ints, moved, spread
+from kaju.arrays import Floats, Ints, spread
 from kaju.errors import SceneError
 from kaju.model.elastic.equal.grid import grid_of
-from kaju.model.elastic.equal.problem import ABSENT, ACTIVE, FIXED, ElasticProblem
+from kaju.model.elastic.equal.problem import ABSENT, ACTIVE, FIXED
 from kaju.model.elastic.equal.staggered import (
     Numbering,
-    axis_pairs,
     compact,
-    edge_modulus,
     stiffness_matrix,
 )
 from kaju.model.elastic.moduli import moduli_at
 from kaju.model.scene import Scene, scene_needed
-from kaju.model.scene.cell_types import AIR, FOUNDATION, RIGID, ROLLER
 
 States = NDArray[np.int8]
-
-
-class Boundary:
-    """Cells beside the body, counted without the ghost layer, and their links to faces or supports.
-
-    `links` has a row for each of the `cells`, and as entries the shares of the columns.
-    """
-
-    def __init__(
-        self, problem: ElasticProblem, parts: Sequence[tuple[Ints, Ints, Floats]], columns: int
-    ) -> None:
-        """Collect links, given as `parts`: columns, the cells beside them, and shares."""
-        shape = problem.kinds.shape
-        column, cells, weight = (np.concatenate(part) for part in zip(*parts, strict=True))
-        key = np.ravel_multi_index(tuple(cells.T), shape) if len(cells) else np.empty(0, np.int64)
-        distinct, row = np.unique(key, return_inverse=True)
-        self.cells = np.stack(np.unravel_index(distinct, shape), axis=1).astype(np.int64) - 1
-        self.links = sp.csr_array((weight, (row, column)), shape=(len(distinct), columns))
-
-    def first(self, step: Ints) -> Ints:
-        """Return the earliest step among each cell's columns; 0 where none has one."""
-        never = np.iinfo(np.int64).max
-        first = np.full(len(self.cells), never)
-        row = np.repeat(np.arange(len(self.cells)), np.diff(self.links.indptr))
-        awake = np.where(step > 0, step, never)[self.links.indices]
-        np.minimum.at(first, row, awake)
-        return np.where(first == never, 0, first)
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,7 +105,6 @@ class PushTable:
         self.unit = scales.force / scales.displacement
         states = self.problem.face_states
         self._numbering = Numbering(states)
-        self.fixed_place = face_indices(states, FIXED)
         # The stiffness matrix (N/m) of all faces, those that move before those that are held.
         present = Numbering(tuple(np.where(s == ABSENT, ABSENT, ACTIVE) for s in states))
         zero = tuple(np.zeros_like(spring) for spring in self.problem.spring)
@@ -148,6 +114,9 @@ class PushTable:
         matrix = sp.csr_array(self.unit * matrix[order_of][:, order_of])
         self.levels = self._build_levels(matrix)
         n = self._numbering.size
+        # The axis along which each support holds: held faces first, then bedded ones.
+        bedded_axes = self.levels[0].place[0][self.bedded]
+        self.support_axes = np.concatenate([face_indices(states, FIXED)[0], bedded_axes])
         force = scales.force * present.gather(self.problem.force)[order_of]
         self.given = scales.displacement * present.gather(self.problem.fixed)[order_of][n:]
         load = force - matrix[:, n:] @ self.given
@@ -198,36 +167,6 @@ class PushTable:
         total = np.array([float(f.sum()) for f in self.problem.force])
         return np.asarray(total * self.problem.scales.force, dtype=np.float64)
 
-    @cached_property
-    def place_axes(self) -> Ints:
-        """Axis along which each support holds: held faces first, then bedded ones."""
-        return np.concatenate([self.fixed_place[0], self.levels[0].place[0][self.bedded]])
-
-    @cached_property
-    def holding(self) -> Boundary:
-        """The cells that hold the body; columns are the supports."""
-        axis, index = self.levels[0].place
-        bedded = axis[self.bedded], index[self.bedded]
-        parts, start = [], 0
-        for faces, kinds in ((self.fixed_place, (RIGID, ROLLER)), (bedded, (FOUNDATION,))):
-            axis, index = faces
-            sides = cells_beside(axis, index)
-            holds = [np.isin(self.problem.kinds[tuple(side.T)], kinds) for side in sides]
-            share = 1.0 / np.maximum(np.add(*holds, dtype=float), 1.0)  # two cells share a face
-            for side, chosen in zip(sides, holds, strict=True):
-                parts.append((start + np.flatnonzero(chosen), side[chosen], share[chosen]))
-            start += len(axis)
-        return Boundary(self.problem, parts, start)
-
-    @cached_property
-    def open_air(self) -> Boundary:
-        """The air beside the body; columns are the faces, entries the shares given back."""
-        finest = self.levels[0]
-        stiffness = finest.stiffness / self.unit
-        missing = [*_ahead(self.problem, *finest.place), *_beside(self.problem, *finest.place)]
-        parts = [(at, beyond, modulus / stiffness[at]) for at, beyond, modulus in missing]
-        return Boundary(self.problem, parts, finest.size)
-
     def weight(self, level: int) -> Floats:
         """Return √(k₀/k) per face: by how much its load counts; 0 for a parent without children."""
         return np.asarray(np.sqrt(self.reference * inverse(self.levels[level].stiffness)))
@@ -274,43 +213,6 @@ def cells_beside(axis: Ints, index: Ints) -> tuple[Ints, Ints]:
     low = index.copy()
     low[np.arange(len(axis)), axis] -= 1
     return low, index
-
-
-Missing = tuple[Ints, Ints, Floats]
-"""Faces, the air cells beside them, and the stiffness that is missing there."""
-
-
-def _ahead(problem: ElasticProblem, axis: Ints, index: Ints) -> list[Missing]:
-    """Return the air ahead of faces: there C₁₁ of the cell behind is missing."""
-    found = []
-    for here, beyond in permutations(cells_beside(axis, index)):
-        kind = problem.kinds[tuple(here.T)]
-        at = np.flatnonzero(problem.kinds[tuple(beyond.T)] == AIR)
-        found.append((at, beyond[at], problem.moduli.stretch[kind[at]]))
-    return found
-
-
-def _beside(problem: ElasticProblem, axis: Ints, index: Ints) -> list[Missing]:
-    """Return the air round the edges of faces, which lowers their shear moduli."""
-    compliance = np.append(1.0 / problem.moduli.shear, 0.0)
-    found = []
-    for pair in axis_pairs(problem.dimension):
-        modulus = edge_modulus(problem, pair)
-        for along, across in (pair, pair[::-1]):
-            faces = np.flatnonzero(axis == along)
-            for upper in (0, 1):
-                edge = moved(index[faces], across, upper)
-                steps = product((0, -1), repeat=2)
-                around = [moved(moved(edge, across, b), along, a) for b, a in steps]
-                kinds = np.stack([problem.kinds[tuple(cell.T)] for cell in around])
-                counted = (kinds >= 0) | (kinds == RIGID)
-                total = compliance[np.maximum(kinds, -1)].sum(axis=0)
-                whole = counted.sum(axis=0) / total
-                air = kinds == AIR
-                share = (whole - modulus[tuple(edge.T)]) / np.maximum(air.sum(axis=0), 1)
-                for cell, open_ in zip(around, air, strict=True):
-                    found.append((faces[open_], cell[open_], share[open_]))
-    return found
 
 
 def coarsen(fine: Numbering) -> tuple[Numbering, sp.csr_array]:

@@ -150,9 +150,9 @@ def _of_outlines(result: ElasticResult) -> Iterator[str]:
     h, corners = result.grid.lattice.cell_size, result.sharp_corners
     if is_stepped(result.grid):
         yield (
-            f"outlines are steps of {h:.3g} m: proofs hold for this stepped body, not for the round "
-            "or slanted one described; stress at the steps grows with smaller agents, as at other "
-            're-entrant corners; a region with outline = "true" has no steps'
+            f"outlines are steps of {h:.3g} m: proofs hold for this stepped body, not for the "
+            "round or slanted one described; stress at the steps grows with smaller agents, as at "
+            'other re-entrant corners; a region with outline = "true" has no steps'
         )
     elif many := len(corners):
         at, more = "corners" if many > 1 else "corner", f" and {many - 3} more" * (many > 3)

@@ -52,9 +52,9 @@ def test_clicked_agents_tell_the_numbers_of_the_table(shown):
     table = result.to_dataframe()
     for row, agent in table.iloc[:: len(table) // 12].iterrows():
         page.click((agent.cell_x, agent.cell_y))
-        taken = [agent[f"taken_{name}"] for name in ("-x", "+x", "-y", "+y")]
+        taken = [agent[f"taken_{name} (N)"] for name in ("-x", "+x", "-y", "+y")]
         expected = [sum(taken), *(t for t in taken if t), 0.5 * sum(taken)]
-        expected += [*(p for p in result.last.passed[row] if p), agent.dropped]
+        expected += [*(p for p in result.last.passed[row] if p), agent["dropped (N)"]]
         assert page.told()[: len(expected)] == pytest.approx(expected, rel=1e-12, abs=1e-15)
         assert f"in generation {agent.spawn_step} by" in page.text(".story")
 
@@ -83,9 +83,9 @@ def test_pictures_and_tables_are_taken_away(opened, plate, tmp_path):
     table, wanted = (t.sort_values(both).reset_index(drop=True) for t in (table, wanted))
     for column in (*both, "material", "spawn_step"):
         assert table[column].tolist() == wanted[column].tolist()
-    for column in ("taken_-x", "taken_+x", "taken_-y", "taken_+y", "dropped"):
-        np.testing.assert_allclose(table[column], wanted[column], rtol=1e-12, atol=1e-15)
-    np.testing.assert_allclose(table["kept"], 0.5 * wanted.filter(like="taken_").sum(axis=1))
+    for name in ("taken_-x", "taken_+x", "taken_-y", "taken_+y", "dropped"):
+        np.testing.assert_allclose(table[f"{name} (N)"], wanted[f"{name} (N)"], 1e-12, 1e-15)
+    np.testing.assert_allclose(table["kept (N)"], 0.5 * wanted.filter(like="taken_").sum(axis=1))
 
 
 def test_a_changed_scene_is_handed_out_and_runs_alike(opened, plate, tmp_path):

@@ -80,8 +80,8 @@ function stacked({ lattice: { shape, cell_size: h }, materials }, cells) {   // 
 export function csvOf(page) {
   const { run, g, scene } = page, L = run.lattice, D = L.D, C = run.C;
   const names = "xyz".slice(0, L.dimension).split("").map((a) => `cell_${a}`);
-  const channels = Array.from({ length: C }, (_, c) => `taken_${L.names[c % D]}${c < D ? "" : "_pull"}`.replace("−", "-"));
-  const rows = [[...names, "material", "spawn_step", ...channels, "kept", "dropped"].join(",")];
+  const channels = Array.from({ length: C }, (_, c) => `taken_${L.names[c % D]}${c < D ? "" : "_pull"} (N)`.replace("−", "-"));
+  const rows = [[...names, "material", "spawn_step", ...channels, "kept (N)", "dropped (N)"].join(",")];
   page.goTo(g);
   L.each((k) => {
     if (!run.spawn[k] || run.spawn[k] > g) return;

@@ -25,8 +25,7 @@ from peers.problems import PROBLEMS
 
 from kaju.errors import ResultFileError
 from kaju.files import check_writable
-from kaju.view.picture_files import save
-from kaju.view.style import FAINT, INK, new_figure
+from kaju.view.style import FAINT, INK, new_figure, save
 
 PACKAGES = ("kaju", "numpy", "scipy", "numba", "mesa", "scikit-fem", "pyamg", "pypardiso")
 

@@ -10,10 +10,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from kaju.errors import ParameterError, ResultFileError
+from kaju.errors import ParameterError
 from kaju.files import atomic_file
 
-from .options import Force, Json, Settings, refuse_to_replace, scene_of, worked_plate
+from .console import Console
+from .options import Force, Json, SceneFile, Settings, refuse_to_replace, scene_of, worked_plate
 
 if TYPE_CHECKING:
     from kaju.model.scene import Scene
@@ -21,80 +22,44 @@ if TYPE_CHECKING:
 Language = StrEnum("Language", "en de ja")
 
 
-def check(
-    file: Annotated[
-        Path, typer.Argument(metavar="FILE", help="A scene (.toml), a stored result, or its folder")
-    ],
-    settings: Settings = None,
-    as_json: Json = False,
-) -> None:
-    """Say whether the loads of a scene will end, or a stored result is whole; exit code 1 if not.
+def check(scene: SceneFile, settings: Settings = None, as_json: Json = False) -> None:
+    """Say whether the loads of a scene will end; exit code 1 if not.
 
-    Scenes with true outlines are solved roughly, those with the elastic rule on their cells. A
-    stored result is read whole, and its ledger, forces and energies must balance.
+    Scenes with true outlines are solved roughly, those with the elastic rule on their cells.
     """
-    if file.suffix != ".toml" and (file.suffix in (".npz", ".xdmf") or file.is_dir()):
-        _check_result(file, as_json)
-    else:
-        with scene_of(file, settings) as scene:
-            _check_scene(scene, as_json)
-
-
-def _check_result(file: Path, as_json: bool) -> None:
-    from kaju.model.results.archive import load_result
-
-    result = load_result(file)
-    try:
-        json.dumps(result.summary(), allow_nan=False)
-    except ValueError:
-        raise ResultFileError(f"{file}: its figures are not all finite numbers") from None
-    checks = result.checks()
+    console = Console(as_json)
+    with scene_of(scene, settings) as described:
+        notes = described.notes
+        console.say(*(f"note: {note}" for note in notes))
+        told: dict[str, Any] = {"stable": True}
+        if described.outlined or described.rule.kind == "elastic":  # no loads that could grow
+            notes = described.notes_on(_begin(described))
+            console.say(*(f"note: {note}" for note in notes[len(described.notes) :]))
+            words = "no mistake was found in the scene; compute it with kaju solve"
+            if any("?" in note for note in notes):
+                words = "a note asks a question; if all is meant so, compute it with kaju solve"
+            console.say(words)
+        else:
+            told, words = _of_loads(described, console)
     if as_json:
-        listed = {check.what: check._asdict() | {"holds": check.holds} for check in checks}
-        typer.echo(json.dumps({"kind": result.kind, "checks": listed}, indent=2))
-    else:
-        typer.echo(f"{result.kind}: whole, as it was saved")
-        for check in checks:
-            verdict = "holds" if check.holds else "DOES NOT HOLD"
-            off = f"off by {check.off:.1e} where {check.allowed:.0e} is allowed"
-            typer.echo(f"{check.what}: {verdict}, {off}")
-    raise typer.Exit(0 if all(check.holds for check in checks) else 1)
+        typer.echo(json.dumps(told | {"verdict": words, "notes": notes}, indent=2))
+    raise typer.Exit(0 if told["stable"] else 1)
 
 
-def _check_scene(scene: Scene, as_json: bool) -> None:
+def _of_loads(scene: Scene, console: Console) -> tuple[dict[str, Any], str]:
+    """Say whether loads end, and how they grow; return the figures and the verdict."""
     from kaju.model.transfer.stability import stability
 
-    for note in () if as_json else scene.notes:
-        typer.echo(f"note: {note}")
-    if scene.outlined or scene.rule.kind == "elastic":  # nothing that loads could grow by
-        notes = scene.notes_on(_begin(scene))
-        for note in () if as_json else notes[len(scene.notes) :]:
-            typer.echo(f"note: {note}")
-        words = "no mistake was found in the scene; compute it with kaju solve"
-        if any("?" in note for note in notes):
-            words = "a note asks a question; if all is meant so, compute the scene with kaju solve"
-        told = {"stable": True, "verdict": words, "notes": notes}
-        typer.echo(json.dumps(told) if as_json else words)
-        return
-    certificate = stability(scene)
-    radius, alone = certificate.spectral_radius, certificate.largest_share
-    bounds = [certificate.lower, certificate.upper]
-    if as_json:
-        verdict = {
-            "stable": certificate.stable,
-            "verdict": certificate.verdict,
-            "notes": scene.notes,
-            "largest_share": alone,
-            "spectral_radius": radius,
-            "spectral_radius_bounds": bounds,
-        }
-        typer.echo(json.dumps(verdict, indent=2))
-    else:
-        growth = f"{radius:.4g}" if radius is not None else "{:.4g} to {:.4g}".format(*bounds)
-        typer.echo(f"verdict  {certificate.verdict}")
-        typer.echo(f"         of each load at most {alone:.4g} is passed on in one piece")
-        typer.echo(f"         if loads that meet were added: {growth} times as much a generation")
-    raise typer.Exit(0 if certificate.stable else 1)
+    found = stability(scene)
+    radius, bounds = found.spectral_radius, [found.lower, found.upper]
+    growth = f"{radius:.4g}" if radius is not None else "{:.4g} to {:.4g}".format(*bounds)
+    console.say(
+        f"verdict  {found.verdict}",
+        f"         of each load at most {found.largest_share:.4g} is passed on in one piece",
+        f"         if loads that meet were added: {growth} times as much a generation",
+    )
+    figures = {"largest_share": found.largest_share, "spectral_radius": radius}
+    return {"stable": found.stable, **figures, "spectral_radius_bounds": bounds}, found.verdict
 
 
 def _begin(scene: Any) -> float:
@@ -171,7 +136,7 @@ def animate(
 ) -> None:
     """Animate a stored run; nothing is computed again."""
     from kaju.model.results.archive import load_result
-    from kaju.view import animate as film
+    from kaju.view.animation import animate as film
 
     result = load_result(stored)
     folder = stored if stored.is_dir() else stored.parent
@@ -200,7 +165,7 @@ def page(
 ) -> None:
     """Write a page that opens by a double click: no server, no network, no installation."""
     from kaju.model.results.archive import load_result
-    from kaju.view.page import export_page
+    from kaju.view.page.export import export_page
 
     refuse_to_replace(target := out or Path(f"{file.stem}.html"), force)
     is_scene = file.suffix == ".toml"

@@ -58,7 +58,7 @@ def compare(
     rule; draws the stress ratio, stresses along rows, shapes and displacements beside the
     answer of elasticity; and says in words how far each is off, and where.
     """
-    from kaju.view.picture_files import save
+    from kaju.view.style import save
 
     console, is_scene = Console(as_json, quiet), judged.suffix == ".toml"
     target = out or (Path(f"{judged.stem}-compared") if is_scene else None)
@@ -249,7 +249,7 @@ def _listed(text: str) -> list[Any]:
 
 def _draw(table: pandas.DataFrame, target: Path, measure: list[str] | None) -> list[Path]:
     """Draw the first measure that varies."""
-    from kaju.view.picture_files import save
+    from kaju.view.style import save
     from kaju.view.sweep_plots import plot_effects, plot_sweep_map
 
     about = table.attrs["sweep"]

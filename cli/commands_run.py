@@ -114,8 +114,8 @@ def demo(
     files = place.write(result, "one" if pictures else "none")
     console.say(PRESSED.format(result.last.generations, len(result.last.cells)))
     if pictures:
-        from kaju.view import animate
-        from kaju.view.page import export_page
+        from kaju.view.animation import animate
+        from kaju.view.page.export import export_page
 
         page = export_page(result, place.path / "plate.html", title="A load finds its way")
         console.say(WATCH.format(page, animate(result, place.path / "spawning.gif")))

@@ -182,12 +182,12 @@ class Folder:
             result.save(scratch / "result.npz")
             write_json(scratch / "summary.json", result.summary())
             if pictures == "all":
-                from kaju.view import plot_all
+                from kaju.view.plots import plot_all
 
                 plot_all(result, scratch)
             elif pictures == "one":
-                from kaju.view import plot
-                from kaju.view.picture_files import save
+                from kaju.view.plots import plot
+                from kaju.view.style import save
 
                 save(plot(result), scratch / f"{result.pictures[0]}.png")
 

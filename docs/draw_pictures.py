@@ -22,8 +22,7 @@ from playwright.sync_api import sync_playwright
 import kaju
 from kaju.model.study.rule_study import RuleStudy, beside_elasticity
 from kaju.view.comparison import COLOURS, pictures_beside
-from kaju.view.picture_files import save
-from kaju.view.style import LINE, new_figure
+from kaju.view.style import LINE, new_figure, save
 
 HERE = Path(__file__).parent
 EXAMPLES = HERE.parent / "examples"

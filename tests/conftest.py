@@ -70,7 +70,7 @@ def pytest_runtest_makereport(item, call):
 @pytest.fixture
 def coarse(monkeypatch):
     """Let pictures and films be coarse, which is quick."""
-    monkeypatch.setattr("kaju.view.picture_files.RESOLUTION", 40)
+    monkeypatch.setattr("kaju.view.style.RESOLUTION", 40)
     monkeypatch.setattr("kaju.view.films.RESOLUTION", 30)
 
 

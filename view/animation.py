@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from math import isfinite
 from pathlib import Path
 from typing import Any
@@ -17,7 +18,7 @@ from numpy.typing import NDArray
 from kaju import __version__
 from kaju.arrays import Floats, Ints
 from kaju.errors import ParameterError, ResultFileError, needing
-from kaju.files import atomic_file
+from kaju.files import atomic_file, hidden_folder, move_into_place
 from kaju.model.results.archive import answer_of
 from kaju.model.results.mesh import CUBE_FACES
 from kaju.model.results.result import Result
@@ -27,7 +28,6 @@ from kaju.result_kinds import KINDS, fetch
 from .deformed import check_magnification
 from .films import WRITERS, Film, evenly, ffmpeg, frames, write_pictures
 from .motion import Motion
-from .picture_files import new_folder
 from .plots import check_options, pictures_of
 from .section import check_word
 from .style import SIZE, figure_of
@@ -170,6 +170,16 @@ def _check(target: Path, ending: str, fps: float | None, hold: float) -> None:
         raise ParameterError(f"hold: a time from 0 s upwards is needed, got {hold}")
     if ending == ".mp4":
         ffmpeg(target)
+
+
+@contextmanager
+def new_folder(target: Path) -> Iterator[Path]:
+    """Yield a folder to fill, which takes the target's name only if all goes well."""
+    if target.exists() and not (target.is_dir() and not any(target.iterdir())):
+        raise ResultFileError(f"{target}: is there already; take another name, or remove it")
+    with hidden_folder(target, ResultFileError) as scratch:
+        yield scratch
+        move_into_place(scratch, target)
 
 
 def _chosen(known: Mapping[str, str], what: str | None) -> Any:

@@ -20,9 +20,8 @@ from kaju.result_kinds import KINDS, fetch
 from .body_in_space import plot_body_in_space
 from .body_plots import BodyPicture
 from .layers import layer_of
-from .picture_files import save
 from .section import Cut, section_of
-from .style import figure_of
+from .style import figure_of, save
 
 Picture = Callable[..., "Axes | Figure"]
 

@@ -173,17 +173,14 @@ class Section:
             return self.scene.lattice.centres(tiles)
         return (tiles + 0.5) @ self._pitch.T
 
-    def polygons(self, tiles: Ints, share: float = 1.0) -> Floats:
-        """Return the corners of tiles (m), shape (n, corners, 2), counter-clockwise.
-
-        `share` below 1 leaves a gap all round.
-        """
+    def polygons(self, tiles: Ints) -> Floats:
+        """Return the corners of tiles (m), shape (n, corners, 2), counter-clockwise."""
         shapes = ((corner_order(2) - 0.5) @ self._pitch.T)[None]
         if self.outlined:
             lattice = self.scene.lattice
             forms = np.stack([lattice.outline(form) for form in range(lattice.forms)])
             shapes = forms[lattice.form(tiles)]
-        return self.centres(tiles)[:, None] + share * shapes
+        return self.centres(tiles)[:, None] + shapes
 
     def stripes(self, tiles: Ints) -> Floats:
         """Return tiles like `polygons`, but rows of neighbouring rectangles as one each."""

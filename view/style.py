@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from io import BytesIO
 from math import ceil, log10
+from pathlib import Path
 from textwrap import wrap
 from typing import Any, cast
 
@@ -29,8 +30,9 @@ from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocato
 from matplotlib.transforms import ScaledTranslation
 
 from kaju.arrays import Floats
+from kaju.errors import ResultFileError
+from kaju.files import atomic_file
 
-from .picture_files import RESOLUTION
 from .units import scale_for
 
 INK = "#262626"
@@ -62,6 +64,8 @@ RIM: dict[str, Any] = {"edgecolors": "#3a3a3a", "linewidths": 0.25}
 """Of small things in the colours of `LOADS`, which may lie on a body of the same shade."""
 DIVERGING = "PuOr_r"
 
+RESOLUTION = 150
+"""Dots per inch of saved pictures."""
 _OWN = "kaju"  # marks figures that were made here and may be resized
 
 
@@ -84,6 +88,20 @@ def new_figure(size: tuple[float, float]) -> Figure:
     engine.set(w_pad=0.08, h_pad=0.08)  # inches
     figure.set_gid(_OWN)
     return figure
+
+
+def save(figure: Figure, path: str | Path) -> Path:
+    """Write a picture; the ending of the name decides the format."""
+    target = Path(path)
+    known = figure.canvas.get_supported_filetypes()
+    if target.suffix.lstrip(".").lower() not in known:
+        raise ResultFileError(
+            f"{target}: {target.suffix or 'no ending'!r} is no format of pictures; "
+            f"choose .png, .svg or .pdf (there is {', '.join(sorted(known))})"
+        )
+    with atomic_file(target, ResultFileError) as scratch:
+        figure.savefig(scratch, dpi=RESOLUTION)
+    return target
 
 
 def new_axes(

@@ -70,9 +70,9 @@ if TYPE_CHECKING:
     from kaju.model.transfer.load_model import LoadModel as LoadModel
     from kaju.model.transfer.stability import stability as stability
     from kaju.model.transfer.transfer_result import TransferResult as TransferResult
-    from kaju.view import animate as animate
-    from kaju.view import plot as plot
-    from kaju.view.page import export_page as export_page
+    from kaju.view.animation import animate as animate
+    from kaju.view.page.export import export_page as export_page
+    from kaju.view.plots import plot as plot
 
 _HOME = {
     name: module

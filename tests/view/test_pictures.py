@@ -11,7 +11,8 @@ from plates import plate as plate_of
 
 from kaju import LoadModel, plot
 from kaju.errors import ParameterError
-from kaju.view import PICTURES, plot_all
+from kaju.view import PICTURES
+from kaju.view.plots import plot_all
 
 CUBE = plate_of([10] * 3, [5, 5, 9], [0.0, 0.0, -2.0], size=[1.0] * 3)
 
@@ -141,7 +142,7 @@ def test_an_unknown_picture_is_refused_with_a_suggestion():
 
 @pytest.mark.parametrize("scene", [plate_scene(steps=3), CUBE])
 def test_plot_all_writes_well_named_pictures(tmp_path, monkeypatch, scene):
-    monkeypatch.setattr("kaju.view.picture_files.RESOLUTION", 40)
+    monkeypatch.setattr("kaju.view.style.RESOLUTION", 40)
     result = LoadModel(scene).run()
     paths = plot_all(result, tmp_path)
     assert {p.name for p in paths} == {p.name for p in tmp_path.iterdir()} <= set(PICTURES)
@@ -155,8 +156,8 @@ def test_views_load_no_drawing_library_and_never_pyplot(tmp_path):
     code = (
         "import sys, kaju.view\n"
         "assert 'matplotlib' not in sys.modules\n"
-        "import kaju.view.picture_files; kaju.view.picture_files.RESOLUTION = 40\n"
-        "from kaju.view import plot_all\n"
+        "import kaju.view.style; kaju.view.style.RESOLUTION = 40\n"
+        "from kaju.view.plots import plot_all\n"
         "from kaju import LoadModel, Scene\n"
         f"scene = Scene.from_toml({plate_scene(0.1, 2).to_toml()!r})\n"
         f"plot_all(LoadModel(scene).run(), {str(tmp_path)!r})\n"

@@ -4,7 +4,3 @@ In comes a scene, a model or a result; out goes HTML with data and programs in i
 Read `export` (the file), `data` (what is asked, what moves, numbers as text), then the JavaScript
 beside them.
 """
-
-from .export import export_page
-
-__all__ = ["export_page"]

@@ -37,8 +37,8 @@ MOST_CELLS = 1_000_000
 """A page holds every cell of the array, so larger ones are refused."""
 
 
-def pack(header: Mapping[str, Any], columns: Mapping[str, NDArray[Any]], level: int = 9) -> bytes:
-    """Write a JSON header, and columns of integers or floats, as one block deflated to a level.
+def pack(header: Mapping[str, Any], columns: Mapping[str, NDArray[Any]]) -> bytes:
+    """Write a JSON header, and columns of integers or floats, as one deflated block.
 
     Bytes of one significance stand together, for deflate then finds far more to leave out.
     """
@@ -50,7 +50,7 @@ def pack(header: Mapping[str, Any], columns: Mapping[str, NDArray[Any]], level: 
         array.view(np.uint8).reshape(-1, array.dtype.itemsize).T.tobytes()
         for array in arrays.values()
     )
-    return zlib.compress(len(head).to_bytes(4, "little") + head + body, level)
+    return zlib.compress(len(head).to_bytes(4, "little") + head + body, 9)
 
 
 def scene_data(scene: Scene) -> tuple[dict[str, Any], Columns]:

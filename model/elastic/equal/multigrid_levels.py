@@ -20,11 +20,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kaju.arrays import Floats, Ints
-from kaju.model.scene.cell_types import AIR, FOUNDATION, RIGID, ROLLER
+from kaju.model.scene.cell_types import FOUNDATION
 
-from .problem import ElasticProblem, rim_layer
+from .problem import ACTIVE, ElasticProblem, rim_layer
 from .row_kernels import GHOST, Level, LevelBox, add_rows
-from .staggered import modulus_between
+from .staggered import axis_pairs, cell_modulus, edge_modulus
 
 Offset = tuple[int, int, int]
 Entry = tuple[int, int, Offset]
@@ -196,27 +196,19 @@ def _law_and_inverses(problem: ElasticProblem) -> tuple[Floats, Floats]:
     """Return all places' moduli, and inverses of faces' own stiffness; 0 where held."""
     d, rim, moduli = problem.dimension, problem.kinds, problem.moduli
     shape = tuple(n for n in _box(problem.shape, FIRST, 1).shape if n > 1)
-    n, steps = prod(shape), np.array([prod(shape[a + 1 :]) for a in range(d)])
-    kinds = np.full(shape, AIR, dtype=np.int32)
-    body = tuple(slice(FIRST - 1, FIRST - 1 + size) for size in rim.shape)
-    kinds[body] = rim
-    law, inverse = np.zeros((2 + d * (d - 1) // 2, n)), np.zeros((d, n))
-    beyond = -min(AIR, RIGID, ROLLER, FOUNDATION)  # kinds that are no material count from the end
-    for modulus, row in zip((moduli.stretch, moduli.lateral), law, strict=False):
-        np.pad(modulus, (0, beyond)).take(kinds.ravel(), out=row, mode="wrap")
-    first = int(steps.sum())
-    for a, b in combinations(range(d), 2):  # each edge's four cells lie behind it
-        back = (0, steps[a], steps[b], steps[a] + steps[b])
+    law, inverse = np.zeros((2 + d * (d - 1) // 2, *shape)), np.zeros((d, *shape))
 
-        def around(cells: NDArray[Any], back: tuple[int, ...] = back) -> list[NDArray[Any]]:
-            return [cells[first - k : n - k] for k in back]
+    def part(of: NDArray[Any], like: NDArray[Any], axis: int = 0, by: int = 0) -> NDArray[Any]:
+        """Return the places of an array of cells, faces or edges, or those by one along an axis."""
+        first = [FIRST - 1 + by * (a == axis) for a in range(d)]
+        return of[tuple(slice(k, k + n) for k, n in zip(first, like.shape, strict=True))]
 
-        law[1 + a + b, first:] = modulus_between(kinds.ravel(), moduli.shear, around)
-    for (a, b), values in (problem.edges or {}).items():  # one further than the cells
-        further = [size + (axis in (a, b)) for axis, size in enumerate(rim.shape)]
-        places = tuple(slice(FIRST - 1, FIRST - 1 + size) for size in further)
-        law[1 + a + b].reshape(shape)[places] = values
-    stretch = law[0].reshape(shape)[body]
+    for row, modulus in zip(law, (moduli.stretch, moduli.lateral), strict=False):
+        part(row, rim)[...] = cell_modulus(problem, modulus)
+    for a, b in axis_pairs(d):
+        modulus = edge_modulus(problem, (a, b))
+        part(law[1 + a + b], modulus)[...] = modulus
+    stretch = part(law[0], rim)
     for side in range(2 * d):
         # A foundation is a ghost cell that can only be squeezed, and whose far face is held.
         layer = rim_layer(d, side)
@@ -225,19 +217,12 @@ def _law_and_inverses(problem: ElasticProblem) -> tuple[Floats, Floats]:
         founded = rim[layer] == FOUNDATION
         if founded.any():
             stretch[layer][founded] = problem.spring[side // 2][tuple(face)][founded]
-    solid = (kinds >= 0).ravel()
-    holds = ((kinds == RIGID) | (kinds == ROLLER)).ravel()
-    here = slice(first, n - first)
-    for a, step in enumerate(steps):
-        behind = slice(first - step, n - first - step)
-        own = law[0, here] + law[0, behind]
-        for b, across in enumerate(steps):
-            if b != a:
-                modulus = law[1 + a + b]
-                own += modulus[here] + modulus[first + across : n - first + across]
-        moves = (solid[here] | solid[behind]) & ~(holds[here] | holds[behind]) & (own > 0.0)
-        np.divide(1.0, own, out=inverse[a, here], where=moves)
-    return law.reshape(-1, *shape), inverse
+    for a, state in enumerate(problem.face_states):
+        own = part(law[0], state) + part(law[0], state, a, -1)
+        for b in (b for b in range(d) if b != a):
+            own += part(law[1 + a + b], state) + part(law[1 + a + b], state, b, 1)
+        np.divide(1.0, own, out=part(inverse[a], state), where=state == ACTIVE)
+    return law, inverse.reshape(d, -1)
 
 
 def spread(values: NDArray[Any], level: Level) -> NDArray[Any]:

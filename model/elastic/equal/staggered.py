@@ -13,7 +13,6 @@ twice μ at a wall, which is the one-sided gradient over half a cell.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
 from functools import reduce
 from itertools import combinations
 from typing import Any, NamedTuple
@@ -76,21 +75,17 @@ def edge_modulus(problem: ElasticProblem, pair: Pair) -> Floats:
     if problem.edges is not None:
         return problem.edges[pair]
     width = [(1, 1) if axis in pair else (0, 0) for axis in range(problem.dimension)]
-    padded = np.pad(problem.kinds, width, constant_values=AIR)
-    return modulus_between(padded, problem.moduli.shear, lambda cells: around_edges(cells, pair))
+    padded, shear = np.pad(problem.kinds, width, constant_values=AIR), problem.moduli.shear
 
+    def summed(values: NDArray[Any]) -> NDArray[Any]:
+        """Return the sum over the four cells round every edge of what a kind has."""
+        return reduce(np.add, around_edges(values.take(padded, mode="wrap"), pair))
 
-def modulus_between(
-    kinds: NDArray[Any],
-    shear: Floats,
-    around: Callable[[NDArray[Any]], Iterable[NDArray[Any]]] = list,
-) -> Floats:
-    """Return the shear modulus of edges, of which `around` picks the four cells round them."""
     # Kinds that are no material are negative: they count from the end of these tables. Cells are
     # counted in digits of base 16: those of body or rigid, those of body, and those of air.
     of_kind = np.pad(np.full(len(shear), 0x011, dtype=np.int16), (0, -DISPLACED))
     of_kind[[RIGID, DISPLACED]], of_kind[AIR] = 0x001, 0x100
-    counts = reduce(np.add, around(of_kind.take(kinds, mode="wrap")))
+    counts = summed(of_kind)
     # The harmonic mean of four cells that are body or rigid; a share of it at re-entrant corners.
     table = np.arange(0x401)
     bodies, corner = (table >> 4) & 0xF, table >> 4 == 0x13
@@ -98,8 +93,7 @@ def modulus_between(
     factors[corner] = 3.0 * REENTRANT_WEIGHT
     if len(shear) == 1:
         return np.asarray((factors * shear / np.maximum(bodies, 1)).take(counts))
-    compliance = np.pad(1.0 / shear, (0, -DISPLACED))
-    total: Floats = reduce(np.add, around(compliance.take(kinds, mode="wrap")))
+    total: Floats = summed(np.pad(1.0 / shear, (0, -DISPLACED)))
     modulus: Floats = factors.take(counts)
     return np.divide(modulus, total, out=modulus, where=total > 0.0)
 

@@ -223,16 +223,19 @@ def settled(result: Any) -> ElasticResult:
 
 
 def stress_text(result: ElasticResult) -> str:
-    """Return the goals, and the largest stress: where it is, and whether it has a limit."""
+    """Return the goals, and the largest stress: along an outline, or the mean over an agent."""
     asked = ""
     for goal in result.goals:
         far = goal.components[0] if len(goal.components) == 1 else hypot(*goal.components)
         told = quantity(far, goal.figures()["unit"])
         largest = ", largest by amount" if getattr(goal.quantity, "component", "") == "hoop" else ""
         asked += f"asked for{largest}: {told}, error {100.0 * goal.relative_error:.2g} %; "
-    found = result.largest_stress
+    found, along = result.largest_stress, result.summary()["largest_hoop_stress_Pa"] or {}
+    name = max(along, key=lambda name: abs(along[name]), default="")
+    if name and abs(along[name]) > found.value:
+        return f"{asked}largest stress {quantity(abs(along[name]), 'Pa')} along {name!r}"
     at = ", ".join(quantity(place, "m") for place in found.at)
-    words = f"{asked}largest stress {quantity(found.value, 'Pa')} at ({at})"
+    words = f"{asked}largest mean stress {quantity(found.value, 'Pa')} at ({at})"
     return f"{words}, without limit: {found.no_limit}" if found.no_limit else words
 
 

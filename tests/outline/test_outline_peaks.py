@@ -101,6 +101,7 @@ def test_a_peak_is_stored(tmp_path: Path) -> None:
     assert answer.value_of(HOOP) == answer.goals[0].value
     texts = [text.get_text() for text in kaju.plot(loaded).findobj(Text)]
     assert any(f"error {100 * answer.goals[0].relative_error:.2g} %" in text for text in texts)
+    assert any("; largest stress" in text and "along 'hole'" in text for text in texts)
     assert any("without a proof" in note for note in loaded.notes)
 
 

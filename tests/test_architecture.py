@@ -14,8 +14,8 @@ if not (ROOT / "model").is_dir():
     pytest.skip("the rooms are in a checkout, and this is none", allow_module_level=True)
 # Imported in functions: optional packages, and what takes long to load and is seldom needed.
 SELDOM = (
-    "pandas scipy petsc4py mpi4py skfem numba rich svgpathtools trimesh meshlane joblib tifffile "
-    "tomli_w tomllib networkx imageio_ffmpeg pydantic kaju"
+    "pandas scipy PIL contourpy petsc4py mpi4py skfem numba rich svgpathtools trimesh meshlane "
+    "joblib tifffile tomli_w tomllib networkx imageio_ffmpeg pydantic kaju"
 )
 MODULES = dict(draw_rooms.files())
 

@@ -10,8 +10,8 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.patches import Patch
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
-from scipy.ndimage import binary_dilation
 
 from kaju.arrays import Flags, Floats, Ints
 from kaju.model.scene import AppliedLoads, Scene, cell_types
@@ -194,10 +194,10 @@ def _beside_no_body(section: Section, tiles: Ints, kind: Ints) -> Flags:
     first = tiles.min(axis=0) - 1
     body = np.zeros(tiles.max(axis=0) - first + 2, dtype=np.bool_)
     body[tuple((tiles - first)[kind >= 0].T)] = True
-    near = binary_dilation(body, np.ones((3, 3), dtype=np.bool_))
+    near = np.any(sliding_window_view(body, (3, 3)), axis=(2, 3))  # begins a tile after `body`
     shape = np.array(section.scene.lattice.shape)[[*section.axes]]
     inside = np.all((tiles >= 0) & (tiles * section.block < shape), axis=1)
-    return np.asarray(~inside & ~near[tuple((tiles - first).T)])
+    return np.asarray(~inside & ~near[tuple((tiles - first - 1).T)])
 
 
 def draw_cells(

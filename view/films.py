@@ -55,7 +55,10 @@ def frames(
     `mode` "RGBA" leaves the background out.
     """
     # Three pictures decide how much room all of them get.
-    looked_at = [_arranged(draw(moments[k])) for k in evenly(len(moments), 3)]
+    looked_at = [draw(moments[k]) for k in evenly(len(moments), 3)]
+    for figure in looked_at:
+        figure.set_dpi(RESOLUTION)
+        figure.draw_without_rendering()
     first = max(looked_at, key=lambda figure: figure.axes[0].get_title(loc="left").count("\n"))
     limits = [
         [_union([getattr(f.axes[n], f"get_{name}lim")() for f in looked_at]) for name in _names(ax)]
@@ -73,12 +76,6 @@ def frames(
         if bare:
             _bare(figure)
         yield _pixels(figure, mode)
-
-
-def _arranged(figure: Figure) -> Figure:
-    figure.set_dpi(RESOLUTION)
-    figure.draw_without_rendering()
-    return figure
 
 
 def _names(ax: Axes) -> str:

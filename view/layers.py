@@ -12,7 +12,6 @@ from matplotlib.collections import PolyCollection
 
 from kaju.arrays import Floats, Ints
 from kaju.errors import ParameterError
-from kaju.model.elastic.pair.cut_agents import CutAgents
 from kaju.model.results.mesh import corner_order
 from kaju.model.results.result import Tiles
 
@@ -52,9 +51,9 @@ def layer_of(result: ElasticResult, cut: Cut = None, crop: bool | None = None) -
 
 def _curves_of(result: ElasticResult) -> TrueLines | None:
     """Return the true outlines of a plane body, if it has any."""
-    if not isinstance(result.found, CutAgents):
+    if (found := result.cut_agents) is None:
         return None
-    found, joints = result.found, np.empty((0, 2, 2))
+    joints = np.empty((0, 2, 2))
     if len(result.scene.cell_materials) > 1:
         joints = found.ground.edge * np.concatenate(found.opinions.along)
     return TrueLines(found.rings(), joints, Arrows(*found.arrows()), result.scene)

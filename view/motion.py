@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from kaju.arrays import Floats, Ints
 from kaju.model.elastic.elastic_result import ElasticResult
@@ -314,25 +313,26 @@ def spawned(result: ElasticResult) -> Motion:
 
 def _within_outlines(result: ElasticResult, shown: Motion) -> Motion:
     """Return agents as their body's true outlines cut them, if it has any."""
-    if not isinstance(result.found, CutAgents) or shown.moved is None:
+    found = result.cut_agents
+    if found is None or shown.moved is None:
         return shown
-    rings = result.found.rings()
+    rings = found.rings()
     places, moved = (np.concatenate(part) for part in zip(*rings, strict=True))
     still = np.zeros((len(shown.moved) - 1, *moved.shape))
     return replace(
         shown,
         points=np.concatenate([shown.points, places]),
         moved=np.concatenate([shown.moved, np.concatenate([still, moved[None]])], axis=1),
-        curves=[*shown.curves, *along_outlines(result, result.found)],
+        curves=[*shown.curves, *along_outlines(result, found)],
         outlines=[len(ring) for ring, _ in rings],
     )
 
 
 def loads_of(result: ElasticResult) -> Arrows:
     """Return what acts on an elastic body as few arrows."""
-    if not isinstance(result.found, CutAgents):
+    if result.cut_agents is None:
         return applied(solved_scene(result))
-    return Arrows(*result.found.arrows())
+    return Arrows(*result.cut_agents.arrows())
 
 
 def _energies(result: ElasticResult) -> dict[str, Floats]:
@@ -456,6 +456,8 @@ def _faces_moved(run: ElasticRun, along: Floats) -> Floats:
 
     A face moves along its normal; across it goes with the mean of the faces round it.
     """
+    from scipy.spatial import cKDTree
+
     own = run.agents.level == 0
     axis, places = run.agents.axis[own], run.agents.position[own] / run.grid.lattice.cell_size
     d = places.shape[1]

@@ -96,6 +96,11 @@ class ElasticResult(BodyResult):
     generations = property(lambda r: tuple(r.found.generations), doc="Every step of spawning.")
 
     @property
+    def cut_agents(self) -> CutAgents | None:
+        """The agents, if they are cut by true outlines in the plane."""
+        return self.found if isinstance(self.found, CutAgents) else None
+
+    @property
     def scene(self) -> Scene:
         """The scene that was computed."""
         return self.found.scene
@@ -323,9 +328,8 @@ class ElasticResult(BodyResult):
     @cached_property
     def sharp_corners(self) -> Floats:
         """Points (m) at which stresses grow without limit under refinement; of plane bodies."""
-        if isinstance(self.found, CutAgents):
-            return self.found.ground.without_limit
-        return sharp_corners(self.grid)
+        cut = self.cut_agents
+        return sharp_corners(self.grid) if cut is None else cut.ground.without_limit
 
     def holds(self, points: Floats) -> Flags:
         """Tell which points (m), shape (n, dimension), lie in the body or on its surface."""
@@ -338,8 +342,8 @@ class ElasticResult(BodyResult):
     @property
     def area(self) -> Floats:
         """Area (m²) of a plane body in each agent; with true outlines the least it can be."""
-        unit = self.grid.lattice.cell_size**2
-        return unit * self.found.area if isinstance(self.found, CutAgents) else self.size**2
+        cut, unit = self.cut_agents, self.grid.lattice.cell_size**2
+        return self.size**2 if cut is None else unit * cut.area
 
     def outline_stress(self, name: str) -> tuple[Floats, Floats]:
         """Return positions (m) along a named true outline, and the hoop stress (Pa) there.
@@ -377,10 +381,10 @@ class ElasticResult(BodyResult):
 
     def displacement_near(self, points: Floats) -> Floats:
         """Return the displacement (m) at points (m); just outside the body, of what is nearest."""
-        if isinstance(self.found, CutAgents):
-            moved = self.found.displacement_at(points, np.arange(0))  # in no cells
-            return self.found.scales.displacement * moved
-        return super().displacement_near(points)
+        if self.cut_agents is None:
+            return super().displacement_near(points)
+        moved = self.cut_agents.displacement_at(points, np.arange(0))  # in no cells
+        return self.found.scales.displacement * moved
 
     def stress_at(self, points: Floats) -> Floats:
         """Return stress tensors (Pa) at points (m), shape (n, dimension, dimension).
@@ -398,7 +402,7 @@ class ElasticResult(BodyResult):
 
     def cuts(self, axis: str | None = None) -> Cuts:
         """Return the force (N) through every cut across an axis; see `BodyResult.cuts`."""
-        return self.found.cuts(axis) if isinstance(self.found, CutAgents) else super().cuts(axis)
+        return super().cuts(axis) if self.cut_agents is None else self.cut_agents.cuts(axis)
 
     def _carrying(self, axis: int) -> Carrying:
         thick = self.scene.thickness if self.scene.lattice.dimension == 2 else self.size
@@ -516,8 +520,8 @@ class ElasticResult(BodyResult):
         values |= {"stress": self.stress.reshape(-1, d * d)}
         values |= {"strain": self.strain.reshape(-1, d * d)}
         parts = [self.lower[:, None] + corner_order(d) * self.size[:, None, None]]
-        if isinstance(self.found, CutAgents):
-            agent, parts = self.found.pieces()
+        if self.cut_agents is not None:
+            agent, parts = self.cut_agents.pieces()
             values = {name: value[agent] for name, value in values.items()} | {"agent": agent}
             near = 1e-8 * self.found.scales.length
         return write_vtk(path, parts, near, values, self.displacement_near)

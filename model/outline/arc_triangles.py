@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from kaju.arrays import Flags, Floats, Ints
 from kaju.model.scene.curves import cross, parted
@@ -134,6 +133,8 @@ def _shared(frames: ArcFrames, owner: Ints, first: Ints, second: Ints) -> Flags:
 
 def overlapping(a: Floats, b: Floats, margin: float) -> tuple[Ints, Ints]:
     """Return pairs of triangles, shape (n, 3, 2), that overlap or are nearer than a margin."""
+    from scipy.spatial import cKDTree
+
     middle = [at.mean(axis=1) for at in (a, b)]
     reach = [
         np.hypot(*(at - m[:, None]).transpose(2, 0, 1)).max(axis=1)

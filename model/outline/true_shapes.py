@@ -8,9 +8,8 @@ from itertools import combinations, pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.spatial import cKDTree
 
-from kaju.arrays import Flags, Floats, Ints
+from kaju.arrays import Flags, Floats, Ints, nearest
 from kaju.model.elastic.pair.leaves import LeafCells
 from kaju.model.scene.curves import Point, cross, crossings, flattened, parted_at, real_roots
 from kaju.model.scene.lattice import area_of
@@ -66,7 +65,7 @@ def pieces_of(line: Floats, edges: Floats) -> tuple[Ints, Flags]:
     """Return which straight piece of a line each edge is, -1 for none, and which go along it."""
     found, ahead = np.full(len(edges), -1), np.zeros(len(edges), dtype=np.bool_)
     if len(line):
-        near = np.asarray(cKDTree(line[:, 0]).query(edges)[1])
+        _, near = nearest(line[:, 0], edges)
         for end in (1, 0):
             one, off = near[:, 1 - end], edges[:, [1 - end, end]]
             on = (np.abs(line[near[:, 1 - end]] - off) < CLOSE).all(axis=(1, 2))

@@ -10,7 +10,6 @@ from io import BytesIO
 from typing import Any
 
 import numpy as np
-from contourpy import contour_generator
 from numpy.typing import NDArray
 
 from kaju.arrays import Floats
@@ -190,6 +189,8 @@ class SampledShape(Shape):
 
     def outline(self) -> list[Floats]:
         """Return its closed lines, straight from one line of the grid to the next."""
+        from contourpy import contour_generator
+
         places, above = self._grid
         places = [np.array([line[0], *line, line[-1]]) for line in places]
         above = np.pad(above, 1, constant_values=-np.abs(above).max())  # nothing beyond the box

@@ -14,7 +14,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image, ImageColor, ImageOps
 
 from kaju.arrays import Floats
 from kaju.errors import SceneError, SceneFileError, needing
@@ -70,8 +69,10 @@ def _grey(values: NDArray[Any], path: str, key: str) -> Floats:
 
 
 @contextmanager
-def opened(path: str, key: str) -> Iterator[Image.Image]:
-    """Yield an image, turned as its camera says (EXIF); refuse what is no image, or too large."""
+def opened(path: str, key: str) -> Iterator[Any]:
+    """Yield Pillow's image, turned as its camera says (EXIF); refuse what is none, or too large."""
+    from PIL import Image, ImageOps
+
     file_to_read(path, SceneFileError, key=key)
     try:
         with warnings.catch_warnings():
@@ -290,6 +291,8 @@ def check_count(materials: int) -> None:
 
 
 def _colour(name: str) -> tuple[int, ...]:
+    from PIL import ImageColor
+
     try:
         return (*ImageColor.getrgb(name), 255)[:4]
     except ValueError:

@@ -86,12 +86,12 @@ class ResolvedBody:
 
     def bounds(self) -> CellBox:
         """Return a box outside of which there is no body."""
-        from scipy.ndimage import find_objects
-
         boxes = [self.cells_of(region.shape) for region in self.regions if region.kind >= 0]
         if not isinstance(self.base, int):
             body = self.base >= 0
             if body.any():
+                from scipy.ndimage import find_objects
+
                 (found,) = find_objects(body.astype(np.int8))
                 ends = np.array([(part.start, part.stop) for part in found], dtype=np.int64)
                 boxes.append((ends[:, 0], ends[:, 1]))

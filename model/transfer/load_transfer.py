@@ -15,7 +15,7 @@ from kaju.model.stepper import Stepper, not_balanced
 
 from .array_engine import ArrayEngine
 from .stability import MOST_GROWN, Certificate, certify, not_known
-from .stage import Ledger, Stage
+from .stage import Stage
 from .transfer import Transfer
 from .transfer_result import TransferResult
 
@@ -116,12 +116,6 @@ class LoadTransfer(Stepper[TransferResult]):
             return f"stopped after max_generations = {self.max_generations} with loads on their way"
         return ""
 
-    def _outcome(self, ledger: Ledger) -> str:
-        """Return how the current stage ended, in words; empty while loads travel."""
-        if self.engine.pending == 0.0 and not ledger.imbalance <= 1e-9:
-            return not_balanced(f"{self.engine.generation} generations", ledger.imbalance)
-        return self._end()
-
     @property
     def outcome(self) -> str:
         """How the current stage ended, in words; empty while loads travel."""
@@ -130,7 +124,10 @@ class LoadTransfer(Stepper[TransferResult]):
     def _stage(self, otherwise: str = "") -> Stage:
         """Return what the current stage has left behind so far, and how it ended, or else."""
         stage: Stage = self.engine.stage(self.stage / self.scene.stages)
-        return replace(stage, outcome=self._outcome(stage.ledger) or otherwise)
+        outcome, imbalance = self._end() or otherwise, stage.ledger.imbalance
+        if self.engine.pending == 0.0 and not imbalance <= 1e-9:  # or NaN
+            outcome = not_balanced(f"{self.engine.generation} generations", imbalance)
+        return replace(stage, outcome=outcome)
 
     def result(self) -> TransferResult:
         """Return what has been computed so far."""

@@ -33,6 +33,14 @@ def points_in(given: Any, dimension: int) -> Floats:
     return points
 
 
+def nearest(places: Floats, points: Floats) -> tuple[Floats, Ints]:
+    """Return how far the nearest of some places is from each point, and its row."""
+    from scipy.spatial import cKDTree  # which takes long to load
+
+    distance, row = cKDTree(places).query(points)
+    return np.asarray(distance), np.asarray(row)
+
+
 def spread(values: NDArray[Any], places: Flags, fill: float = 0.0) -> NDArray[Any]:
     """Return an array with values at some places, in their order, and a `fill` elsewhere."""
     field = np.full((*places.shape, *values.shape[1:]), fill)

@@ -122,6 +122,6 @@ def python(*words):
 
 def test_importing_kaju_stays_light():
     """Also with a scene."""
-    heavy = {"matplotlib", "pandas", "mesa", "numba", "networkx", "scipy", "skfem"}
+    heavy = {"matplotlib", "pandas", "mesa", "numba", "networkx", "scipy", "skfem", "PIL"}
     loaded = python("-c", "import kaju; kaju.Scene; import sys; print(*sys.modules)").split()
     assert heavy.isdisjoint(loaded)

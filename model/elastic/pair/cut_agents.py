@@ -9,9 +9,8 @@ from math import ceil, floor, inf
 from typing import ClassVar
 
 import numpy as np
-from scipy.spatial import cKDTree
 
-from kaju.arrays import Flags, Floats, Ints, points_in
+from kaju.arrays import Flags, Floats, Ints, nearest, points_in
 from kaju.errors import ResultError
 from kaju.model.elastic.goals.quantities import Deflection, Stress
 from kaju.model.outline.hoop_stress import HoopStress
@@ -162,7 +161,7 @@ class CutAgents(PairAgents):
         """Return the agents in or on which points (m) lie, or those near, and places in edges."""
         leaf, places = self._leaf(points), points / self.ground.edge
         if (beyond := leaf < 0).any():
-            leaf[beyond] = cKDTree(self.leaves.middle * UNIT).query(places[beyond])[1]
+            leaf[beyond] = nearest(self.leaves.middle * UNIT, places[beyond])[1]
         return leaf, places
 
     def law_at(self, points: Floats, cells: Ints | None = None) -> Ints:

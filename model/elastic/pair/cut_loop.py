@@ -8,9 +8,8 @@ from math import inf, radians, sqrt
 from typing import Any
 
 import numpy as np
-from scipy.spatial import cKDTree
 
-from kaju.arrays import Floats, Ints
+from kaju.arrays import Floats, Ints, nearest
 from kaju.errors import ParameterError, SceneError, SingularPlaceError, brief, suggestion
 from kaju.model.elastic.goals.duals import SMALL
 from kaju.model.elastic.goals.quantities import (
@@ -253,9 +252,9 @@ class _Peak:
         size = pair.leaves.size * UNIT
         # elsewhere it may be as large, as all round a pressed bore
         rows = np.flatnonzero(np.abs(along.moved) >= abs(self._value) - 2.0 * self._off)
-        away, nearest = cKDTree(along.place[rows]).query(pair.leaves.middle * UNIT)
+        away, near = nearest(along.place[rows], pair.leaves.middle * UNIT)
         # within so many edges of the agent at the peak all are as near
-        away = np.maximum(away, 1.5 * size[along.leaf[rows[nearest]]])
+        away = np.maximum(away, 1.5 * size[along.leaf[rows[near]]])
         return self._aimed(np.sqrt(pair.shares) * size**2 / away**3, often)
 
     def _aimed(self, part: Floats, often: Ints) -> Judged:

@@ -8,9 +8,8 @@ from functools import cached_property
 import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
-from scipy.spatial import cKDTree
 
-from kaju.arrays import Flags, Floats, Ints
+from kaju.arrays import Flags, Floats, Ints, nearest
 from kaju.model.outline.leaf_triangles import Filled, named
 from kaju.model.outline.posed_outlines import SIDES, OutlinedBody, UnlikeError
 from kaju.model.outline.true_shapes import TINY, pieces_of
@@ -288,6 +287,6 @@ def _outline_of(at: Floats, inner: Flags, along: list[Floats]) -> Ints:
     # others lie along the sides of leaves, or stand for slivers that were left out
     on, rest = np.flatnonzero(outline >= 0), np.flatnonzero(inner & (outline < 0))
     if len(on) and len(rest):
-        near = cKDTree(at[on].mean(axis=1)).query(at[rest].mean(axis=1))[1]
+        _, near = nearest(at[on].mean(axis=1), at[rest].mean(axis=1))
         outline[rest] = outline[on[near]]
     return outline

@@ -191,13 +191,13 @@ def _draw_supports(ax: Axes, section: Section, tiles: Ints, kind: Ints) -> list[
 
 def _beside_no_body(section: Section, tiles: Ints, kind: Ints) -> Flags:
     """Tell which tiles lie beyond a side of the array where no body touches it."""
-    first = tiles.min(axis=0) - 1
-    body = np.zeros(tiles.max(axis=0) - first + 2, dtype=np.bool_)
-    body[tuple((tiles - first)[kind >= 0].T)] = True
-    near = np.any(sliding_window_view(body, (3, 3)), axis=(2, 3))  # begins a tile after `body`
+    place = tiles - tiles.min(axis=0)
+    body = np.zeros(place.max(axis=0) + 3, dtype=np.bool_)  # in a frame of one tile
+    body[tuple(place[kind >= 0].T + 1)] = True
+    near = np.any(sliding_window_view(body, (3, 3)), axis=(2, 3))
     shape = np.array(section.scene.lattice.shape)[[*section.axes]]
     inside = np.all((tiles >= 0) & (tiles * section.block < shape), axis=1)
-    return np.asarray(~inside & ~near[tuple((tiles - first - 1).T)])
+    return np.asarray(~inside & ~near[tuple(place.T)])
 
 
 def draw_cells(

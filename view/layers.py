@@ -53,9 +53,8 @@ def _curves_of(result: ElasticResult) -> TrueLines | None:
     """Return the true outlines of a plane body, if it has any."""
     if (found := result.cut_agents) is None:
         return None
-    joints = np.empty((0, 2, 2))
-    if len(result.scene.cell_materials) > 1:
-        joints = found.ground.edge * np.concatenate(found.opinions.along)
+    lines = found.opinions.along if len(result.scene.cell_materials) > 1 else [np.empty((0, 2, 2))]
+    joints = found.ground.edge * np.concatenate(lines)
     return TrueLines(found.rings(), joints, Arrows(*found.arrows()), result.scene)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Mapping
-from functools import partial, wraps
+from functools import partial
 from pathlib import Path
 from typing import Any, cast
 
@@ -27,23 +27,18 @@ Picture = Callable[..., "Axes | Figure"]
 
 
 def plot_scene(
-    scene: Scene, ax: Axes | None = None, *, cut: Cut = None, crop: bool = False
+    subject: Any, ax: Axes | None = None, *, cut: Cut = None, crop: bool = False
 ) -> Axes:
-    """Draw what is asked: body, supports and forces; all of it, or where the forces are."""
-    if scene.lattice.dimension == 3 and cut is None:
-        return plot_body_in_space(scene, ax)
-    cells = scene.applied().cells if crop else None
-    picture = BodyPicture(section_of(scene, cells, cut, crop), ax)
+    """Draw what a scene or a result asks: body, supports, forces; all of it, or where these are."""
+    if getattr(subject, "cut_agents", None):
+        section = layer_of(subject, crop=False)
+    else:
+        scene = subject if isinstance(subject, Scene) else solved_scene(subject)
+        if scene.lattice.dimension == 3 and cut is None:
+            return plot_body_in_space(scene, ax)
+        section = section_of(scene, scene.applied().cells if crop else None, cut, crop)
+    picture = BodyPicture(section, ax)
     return picture.finish("The scene", picture.notes)
-
-
-@wraps(plot_scene)
-def plot_scene_of(result: Any, ax: Axes | None = None, **options: Any) -> Axes:
-    """Draw what was asked; within true outlines in space the cells that count."""
-    if result.scene.outlined and result.scene.lattice.dimension == 2:
-        picture = BodyPicture(layer_of(result, crop=False), ax)
-        return picture.finish("The scene", picture.notes)
-    return plot_scene(solved_scene(result), ax, **options)
 
 
 def pictures_of(subject: Scene | Result) -> dict[str, Picture]:

@@ -88,11 +88,9 @@ class ResolvedBody:
         """Return a box outside of which there is no body."""
         boxes = [self.cells_of(region.shape) for region in self.regions if region.kind >= 0]
         if not isinstance(self.base, int):
-            body = self.base >= 0
-            if body.any():
-                from scipy.ndimage import find_objects
+            from scipy.ndimage import find_objects
 
-                (found,) = find_objects(body.astype(np.int8))
+            for found in find_objects((self.base >= 0).astype(np.int8)):
                 ends = np.array([(part.start, part.stop) for part in found], dtype=np.int64)
                 boxes.append((ends[:, 0], ends[:, 1]))
         elif self.base >= 0:

@@ -14,7 +14,7 @@ from typing import Any
 _FIELDS = {
     name: f"view.maps:plot_{name}" for name in ("displacement", "strain", "stress", "von_mises")
 }
-_SCENE = {"scene": "view.plots:plot_scene_of"}
+_SCENE = {"scene": "view.plots:plot_scene"}
 _CREPT = {"curves": "view.charts:plot_curves_in_time"}
 _IN_TIME = {"times": "view.deformed:TIMES", "curves": "view.charts:IN_TIME"}
 NOTEBOOK = "view.page.export:html_of"

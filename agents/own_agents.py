@@ -10,7 +10,7 @@ from numbers import Integral
 from types import FunctionType
 from typing import Any
 
-from kaju.errors import AgentError, ParameterError, brief, require, suggestion
+from kaju.errors import AgentError, ParameterError, brief, require, suggestion, takes
 
 from .boundary_agent import BOUNDARIES, BoundaryAgent
 from .face_agent import FaceAgent
@@ -67,11 +67,8 @@ def check_class(name: str, agent: object, base: type) -> None:
 def _check_call(whose: str, own: Any, usual: Any, cure: str = "") -> None:
     """Refuse what cannot be called as the usual one is."""
     start = tuple(signature(usual).parameters)
-    try:
-        signature(own).bind(*start)
-    except TypeError:
-        told = f"takes {signature(own)}, but a model calls it with ({', '.join(start)})"
-        raise ParameterError(f"{whose} {told}{cure}") from None
+    told = f"takes {signature(own)}, but a model calls it with ({', '.join(start)})"
+    require(takes(own, *start), f"{whose} {told}{cure}")
 
 
 def every_name(base: type) -> set[str]:

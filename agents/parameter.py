@@ -75,11 +75,11 @@ class Parameter(Declaration):
     ) -> None:
         super().__init__(default, low, high)
         self.text = text
-        bounded = self.is_bool or (low is not None and high is not None)
-        told = f"low, high: a Parameter needs both bounds, as in Parameter({default!r}, 0, 10, "
-        require(bounded, f'{told}"what it means"), got {low!r} and {high!r}')
-        swapped = is_number(self.low) and is_number(self.high) and self.low > self.high
-        require(not swapped, f"low, high: low is above high, got {low!r} and {high!r}")
+        numbers = is_number(low) and is_number(high)
+        bounded = self.is_bool or (numbers and low <= high)  # type: ignore[operator]
+        example = f'Parameter({default!r}, 0, 10, "what it means")'
+        told = f"low, high: two numbers are needed, the smaller first, as in {example}"
+        require(bounded, f"{told}, got {low!r} and {high!r}")
         self.checked(default)
 
     def __get__(self, agent: Any, owner: type) -> Any:

@@ -11,7 +11,7 @@ import numpy as np
 from kaju.arrays import Floats
 from kaju.errors import SceneError
 from kaju.model.scene import Scene
-from kaju.model.scene.sides import SideCondition
+from kaju.model.scene.description import SideCondition
 
 ROUNDED = 1e-13
 """Of a sum of many numbers: a share that is as small is rounding."""

@@ -55,6 +55,7 @@ class SurfaceFile(Described):
 
     file: Text = Field(description="the path of an STL file, such as 'part.stl'")
     scale: Length = Field(default=1.0, description="what its unit of length is (m): 0.001 for mm")
+    offset: Point = Field(default=(0.0, 0.0, 0.0), description="how far it is moved (m)")
 
     @model_validator(mode="before")
     @classmethod
@@ -153,7 +154,8 @@ class _Shaped(Described):
             file = given.file if isinstance(given, PathFile) else None
             return drawing_in(file, f"{where}.file") if file else PathShape(given)
         if name == "surface":
-            return surface_from(given.file, f"{where}.file", given.scale)
+            check_axes(given.offset, 3, f"{where}.offset")
+            return surface_from(given.file, f"{where}.file", given.scale, given.offset)
         if isinstance(given, RegionImage):
             return given.shape_in(lattice, where)
         if name == "box":
@@ -215,12 +217,8 @@ class LoadRegion(_Shaped):
     def flat_axis(self, lattice: Lattice, where: str) -> int | None:
         """Return the axis along which the box has no thickness, None if it has volume."""
         assert self.box is not None
-        for corner in self.box:
-            check_axes(corner, lattice.dimension, where, "coordinates")
-        spans = [high - low for low, high in zip(*self.box, strict=True)]
-        if min(spans) < 0.0:
-            raise _wrong_corners(self.box, where)
-        flat = [axis for axis, span in enumerate(spans) if span <= 1e-6 * lattice.cell_size]
+        lower, upper = _box(self.box, lattice, where, flat=True).extent
+        flat = np.flatnonzero(upper - lower <= 1e-6 * lattice.cell_size).tolist()
         if len(flat) > 1:
             raise SceneError(
                 f"{where}: has no thickness along {' and '.join('xyz'[axis] for axis in flat)}; "
@@ -235,17 +233,14 @@ def reach_of(shape: Shape, lattice: Lattice, asked: str = METRES) -> str:
     return "reaches from ({}) to ({}) m, the array to ({}) m; {}".format(*ends, asked)
 
 
-def _box(corners: tuple[Point, Point], lattice: Lattice, where: str) -> Box:
+def _box(corners: tuple[Point, Point], lattice: Lattice, where: str, flat: bool = False) -> Box:
+    """Return the box between two corners, which may be `flat`."""
     for corner in corners:
         check_axes(corner, lattice.dimension, where, "coordinates")
     lower, upper = corners
-    if not all(low < high for low, high in zip(lower, upper, strict=True)):
-        raise _wrong_corners(corners, where)
+    if not all(low < high or (flat and low == high) for low, high in zip(*corners, strict=True)):
+        raise SceneError(
+            f"{where}: goes from {list(lower)} to {list(upper)}; the first corner must be the "
+            "lower one along every axis"
+        )
     return Box(lower, upper)
-
-
-def _wrong_corners(corners: tuple[Point, Point], where: str) -> SceneError:
-    return SceneError(
-        f"{where}: goes from {list(corners[0])} to {list(corners[1])}; the first corner must be "
-        "the lower one along every axis"
-    )

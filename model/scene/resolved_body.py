@@ -22,12 +22,11 @@ from kaju.arrays import Flags, Ints
 from kaju.errors import SceneError, SupportError, suggestion
 
 from .cell_types import AIR, DISPLACED, FOUNDATION, NOT_BODY, RIGID, ROLLER
-from .description import Body, Description
+from .description import FREE, Body, Description, SideCondition, check_side
 from .lattice import Cells, Lattice
 from .pictures import Picture, check_count, check_size, from_array, from_drawing, from_image
 from .regions import reach_of
 from .shapes import Points, Relation, Shape
-from .sides import FREE, SideCondition, check_side
 from .validation import check_axes
 
 CellBox = tuple[Ints, Ints]

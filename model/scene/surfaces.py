@@ -21,15 +21,15 @@ _AT_ONCE = 500_000
 """Pairs of box and triangle held at a time."""
 
 
-def surface_from(text: str, key: str, scale: float) -> ClosedSurface:
-    """Return the surface in a file, or in a text that a scene carries with it."""
+def surface_from(text: str, key: str, scale: float, offset: tuple[float, ...]) -> ClosedSurface:
+    """Return the surface in a file, or in a text that a scene carries with it, then moved (m)."""
     if text.startswith(EMBEDDED_ARRAY):
         corners = checked(read_embedded(text, key), key, 3)
         if corners.shape[1:] != (3, 3):
             raise SceneFileError(f"{key}: holds no triangles; write the scene again from its file")
-        return ClosedSurface(corners * scale)
+        return ClosedSurface(corners * scale + offset)
     corners, ambiguous = _one_body(_read(text, key), key, scale)
-    return ClosedSurface(corners * scale, ambiguous)
+    return ClosedSurface(corners * scale + offset, ambiguous)
 
 
 def _read(path: str, key: str) -> Any:

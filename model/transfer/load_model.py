@@ -254,6 +254,8 @@ class LoadModel(SteppedModel):
 
     def agent_at(self, index: tuple[int, ...]) -> MaterialAgent | None:
         """Return the material agent of a cell of the scene, None if no load has woken it."""
+        told = f"index: column and row of a cell are needed, such as (10, 19), got {brief(index)}"
+        require(hasattr(index, "__iter__"), told)
         return self._objects().agents.get(tuple(index))
 
     def axis_of(self, direction: int) -> int:

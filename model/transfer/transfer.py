@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cached_property
-from inspect import signature
 from math import inf
 from typing import NamedTuple
 
@@ -15,7 +14,7 @@ from kaju.agents.parameter import is_number
 from kaju.agents.rules import PrescribedRule, ShareRule
 from kaju.agents.shares import Emission, Sense, Shares
 from kaju.arrays import Flags, Floats, Ints
-from kaju.errors import ParameterError, SceneError, brief, require
+from kaju.errors import SceneError, brief, require, takes
 from kaju.model.scene import Scene, scene_needed
 from kaju.model.scene.cell_types import AIR, RIGID, ROLLER
 from kaju.model.scene.lattice import Cells, Lattice
@@ -176,12 +175,7 @@ def _check_rule(rule: ShareRule) -> None:
         told = "a rule has shares(material, dimension), threshold, accumulate and sense"
         require(hasattr(rule, name), f"rule: {type(rule).__name__} has no {name!r}; {told}")
     told = f"rule.shares: {type(rule).__name__}.shares must take (material, dimension)"
-    try:
-        signature(rule.shares).bind("material", 2)
-    except TypeError:
-        raise ParameterError(told) from None
-    except ValueError:  # of compiled functions it is not known what they take
-        pass
+    require(takes(rule.shares, "material", 2), told)
     told = f"rule.threshold: must be a load above 0 N, got {rule.threshold}"
     require(0.0 < rule.threshold < inf, told)
 

@@ -144,6 +144,17 @@ def require(holds: bool, rule: str) -> None:
         raise ParameterError(rule)
 
 
+def takes(function: Callable[..., object], *arguments: object) -> bool:
+    """Tell whether a function can be called so; of compiled ones it is not known, and is yes."""
+    try:
+        signature(function).bind(*arguments)
+    except TypeError:
+        return False
+    except ValueError:
+        pass
+    return True
+
+
 def brief(value: object) -> str:
     """Return how a value is written, cut to what a message bears."""
     text = repr(value)

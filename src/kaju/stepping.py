@@ -21,7 +21,7 @@ from time import monotonic
 from types import FrameType
 from typing import Any, TypeVar
 
-from kaju.errors import ConvergenceError, ParameterError, brief
+from kaju.errors import ConvergenceError, ParameterError, brief, require, takes
 
 A = TypeVar("A")
 Answer = TypeVar("Answer")
@@ -79,11 +79,9 @@ def step_to_end(
     `line` returns a line of progress, which is `shown` as `progress_line` says.
     """
     whole = isinstance(until, Integral) and not isinstance(until, bool) and until > 0
-    if not (until is None or callable(until) or whole):
-        raise ParameterError(
-            "until: a function of the model, or a number of steps above 0, is needed, "
-            f"got {until!r}"
-        )
+    asked = "until: a function of the model (until=lambda model: ...), or a number of steps above 0"
+    fits = until is None or whole or (callable(until) and takes(until, model))
+    require(fits, f"{asked}, is needed, got {until!r}")
     left = int(until) if isinstance(until, Integral) else None
 
     def steps() -> Answer:

@@ -243,4 +243,6 @@ def test_millimetres_and_gigapascals_are_asked_about():
     softer = wrong.with_overrides({"materials.steel.youngs_modulus": 21e4})
     assert "1 MPa is 1e6 Pa" in softer.notes[0]
     assert "much for a body of steel" in wrong.with_overrides({"materials": {}}).notes[0]
+    disk = {"radius": 0.3 * wrong.lattice.extent[0], "centre": [0.2 * wrong.lattice.extent[0]] * 2}
+    assert "this hole breaks through the edge" in wrong.with_region(disk=disk).notes[-1]
     assert "nothing is applied" in wrong.replace(loads=()).notes[0]

@@ -60,6 +60,12 @@ def test_the_data_collector_follows_every_step(engine):
 def test_until_pauses_and_a_finished_model_counts_nothing(engine):
     model = LoadModel(plate(), engine=engine)
     model.run(until=lambda model: model.generation == 4)
+    with pytest.raises(
+        ParameterError, match=r"until: a function of the model \(until=lambda model"
+    ):
+        model.run(until=lambda: True)
+    with pytest.raises(ParameterError, match=r"index: .* such as \(10, 19\), got 3"):
+        model.agent_at(3)
     assert (model.steps, model.running) == (4, True)
     model.run()
     steps = model.steps

@@ -71,8 +71,9 @@ def test_it_is_the_same_for_all_agents():
         Parameter(3)
     with pytest.raises(ParameterError, match="must be a whole number from 1 to 2"):
         Parameter(3, 1, 2)
-    with pytest.raises(ParameterError, match="low is above high, got 2 and 1"):
-        Parameter(1, 2, 1)
+    for low, high in ((2, 1), ("a", 1)):
+        with pytest.raises(ParameterError, match=f"the smaller first, .*got {low!r} and {high}"):
+            Parameter(1, low, high)
 
 
 def test_classes_that_cannot_be_agents_are_named():

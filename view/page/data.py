@@ -16,9 +16,9 @@ from kaju.arrays import Floats, Ints
 from kaju.errors import ParameterError, SceneError
 from kaju.model.results.result import Curves, Result, solved_scene
 from kaju.model.scene import Scene
+from kaju.model.scene.description import SideCondition
 from kaju.model.scene.lattice import BUILT_IN
 from kaju.model.scene.selection import BY_SIDE, BY_SURFACE, PULL, PUSH
-from kaju.model.scene.sides import SideCondition
 from kaju.model.transfer.deformation import axial_strain
 from kaju.model.transfer.stage import Stage, Totals
 from kaju.model.transfer.transfer import Transfer

@@ -22,9 +22,9 @@ from kaju.model.elastic.scales import Scales
 from kaju.model.elastic.uneven_loads import portions
 from kaju.model.scene import Scene
 from kaju.model.scene.cell_types import AIR, DISPLACED, FOUNDATION, RIGID, ROLLER
+from kaju.model.scene.description import SideCondition
 from kaju.model.scene.lattice import check_boxes
 from kaju.model.scene.selection import AppliedLoads
-from kaju.model.scene.sides import SideCondition
 
 from .problem import ACTIVE, ElasticProblem, FaceFields, face_zeros, rim_layer
 from .supports import check_supports, slender_cell

@@ -20,7 +20,7 @@ from kaju.model.results.mesh import corner_order
 from kaju.model.scene import Scene
 from kaju.model.scene.shapes import Box
 
-from .corners import ON_EDGE, RE_ENTRANT, singular_at
+from .corners import ON_EDGE, RE_ENTRANT, reasons_in, singular_at
 
 if TYPE_CHECKING:
     from .elastic_result import ElasticResult
@@ -147,8 +147,9 @@ def _of_loads(grid: Scene) -> Iterator[str]:
 
 def _of_outlines(result: ElasticResult) -> Iterator[str]:
     """Say that cells make steps of outlines, and where the body has sharp corners."""
-    h, corners = result.grid.lattice.cell_size, result.sharp_corners
-    if is_stepped(result.grid):
+    grid, corners, stepped = result.grid, result.sharp_corners, is_stepped(result.grid)
+    h, solid = grid.lattice.cell_size, grid.lattice.dimension == 3
+    if stepped:
         yield (
             f"outlines are steps of {h:.3g} m: proofs hold for this stepped body, not for the "
             "round or slanted one described; stress at the steps grows with smaller agents, as at "
@@ -158,6 +159,12 @@ def _of_outlines(result: ElasticResult) -> Iterator[str]:
         at, more = "corners" if many > 1 else "corner", f" and {many - 3} more" * (many > 3)
         places = ", ".join(map(_point, corners[:3].tolist()))
         yield f"no limit of stress at {many} {at}: it grows with smaller cells at {places} m{more}"
+    if stepped or solid:
+        # of a stepped body only what is no step: where supports and rollers end
+        reasons = [one for one in reasons_in(grid) if not stepped or one.endswith(" ends")]
+        if reasons:
+            at = f"{'along edges' if solid else 'at points'} ({'; '.join(reasons)})"
+            yield f"no limit of stress {at}: it grows there with smaller cells"
 
 
 def _point(point: Floats | tuple[float, ...]) -> str:

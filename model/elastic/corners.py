@@ -10,6 +10,7 @@ Mechanics* 38, 1971). In space the same holds in the plane across an edge.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from functools import cache
 from itertools import combinations, product
 
@@ -20,7 +21,7 @@ from kaju.model.elastic.moduli import constants_of
 from kaju.model.scene import Scene
 from kaju.model.scene.cell_types import AIR, DISPLACED, FOUNDATION, RIGID, ROLLER
 
-MOST_CELLS = 1_000_000  # Larger arrays are not looked through
+MOST_CELLS = 1_000_000  # Larger arrays of several kinds are not looked through
 ON_EDGE = 1e-6  # Of a cell: a point that is nearer to a line of the cells lies on it
 RE_ENTRANT = "a re-entrant corner"
 ROUND = np.array([[-1, -1], [0, -1], [0, 0], [-1, 0]])
@@ -30,19 +31,44 @@ ROUND = np.array([[-1, -1], [0, -1], [0, 0], [-1, 0]])
 def sharp_corners(scene: Scene) -> Floats:
     """Return the points (m) at which stresses grow without limit; none in space."""
     lattice = scene.lattice
-    if lattice.dimension != 2 or lattice.size > MOST_CELLS:
-        return np.empty((0, lattice.dimension))
+    for reasons, which in _patterns(scene) if lattice.dimension == 2 else ():
+        points = np.argwhere(np.array([bool(reason) for reason in reasons])[which])
+        return np.asarray(points * lattice.cell_size * (lattice.shape if scene.uniform else (1, 1)))
+    return np.empty((0, lattice.dimension))
+
+
+def reasons_in(scene: Scene) -> list[str]:
+    """Return why stresses have no limit somewhere: at points of the plane, along edges in space."""
+    return sorted({reason for reasons, _ in _patterns(scene) for reason in reasons} - {""})
+
+
+def _patterns(scene: Scene) -> Iterator[tuple[list[str], Ints]]:
+    """Yield for each pair of axes why stresses have no limit, and which reason each corner has."""
+    lattice = scene.lattice
+    if lattice.size > MOST_CELLS and not scene.uniform:
+        return
     # A full box has none but at its own corners.
-    ranges = [np.array([0, n]) if scene.uniform else np.arange(n + 1) for n in lattice.shape]
-    points = np.stack(np.meshgrid(*ranges, indexing="ij"), axis=-1).reshape(-1, 2)
-    around = np.stack([scene.kinds(points + step) for step in ROUND], axis=1)
-    base = int(np.ptp(around)) + 1
-    # One number for each pattern of four: rows would be sorted far more slowly.
-    _, first, which = np.unique(
-        around @ base ** np.arange(4), return_index=True, return_inverse=True
-    )
-    sharp = np.array([bool(_reason(_sides(scene, four))) for four in around[first]])
-    return np.asarray(points[sharp[which]] * lattice.cell_size, dtype=np.float64)
+    ends = [np.array([-1, 0, n]) if scene.uniform else np.arange(-1, n + 1) for n in lattice.shape]
+    cells = np.stack(np.meshgrid(*ends, indexing="ij"), axis=-1)
+    kinds = scene.kinds(cells.reshape(-1, lattice.dimension)).reshape(cells.shape[:-1])
+    base = int(np.ptp(kinds)) + 1
+    for across in combinations(range(lattice.dimension), 2):
+        around = np.stack(
+            [_beside(kinds, dict(zip(across, step, strict=True))) for step in ROUND], axis=-1
+        )
+        # One number for each pattern of four: rows would be sorted far more slowly.
+        _, first, which = np.unique(
+            around @ base ** np.arange(4), return_index=True, return_inverse=True
+        )
+        fours = around.reshape(-1, 4)[first]
+        yield [_reason(_sides(scene, four)) for four in fours], which.reshape(around.shape[:-1])
+
+
+def _beside(kinds: Ints, steps: dict[int, int]) -> Ints:
+    """Return what lies below (step -1) or above (0) of lines between cells, across some axes."""
+    beyond = {-1: slice(None, -1), 0: slice(1, None)}
+    own = (beyond[steps[axis]] if axis in steps else slice(1, -1) for axis in range(kinds.ndim))
+    return kinds[tuple(own)]
 
 
 def singular_at(scene: Scene, point: Floats) -> str:

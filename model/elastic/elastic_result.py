@@ -349,7 +349,9 @@ class ElasticResult(BodyResult):
         """Return positions (m) along a named true outline, and the hoop stress (Pa) there.
 
         Each is the mean along one agent, of the stress of the displacement; it is not proved. If
-        two materials meet there, it is the stress of the outer one.
+        two materials meet there, it is the stress of the outer one. Where the outline meets a held
+        side, or has a corner, stress need not have a limit (see `notes`); the largest hoop stress
+        of `summary` leaves such places out.
 
         Raises
         ------
@@ -425,7 +427,12 @@ class ElasticResult(BodyResult):
             if goal.quantity == asked:
                 return goal.value
         if isinstance(asked, Stress) and asked.component == HOOP:
-            self.outline_stress(name := str(asked.at))  # refuses other names
+            places, _ = self.outline_stress(name := str(asked.at))  # refuses other names
+            if len(places) and name not in self._hoop:
+                raise ResultError(
+                    f"value_of: the stress along {name!r} has no limit, and it has no rounded part "
+                    "away from such places; ask for the stress at a point"
+                )
             if name not in self._hoop:
                 raise ResultError(
                     f"value_of: along {name!r} the body does not end, and no two materials "

@@ -12,7 +12,6 @@ from kaju.model.elastic.pair.gap import tensors
 from kaju.model.elastic.pair.leaves import LeafCells
 
 from .arc_triangles import ArcFrames
-from .posed_outlines import along, rigid_sides_at
 from .true_shapes import UNIT, leaf_at, pieces_of
 
 if TYPE_CHECKING:
@@ -32,7 +31,7 @@ class HoopStress:
     moved: Floats
     """The same of the displacement, with the tension of the stress in balance: the better one."""
     counts: Flags
-    """Which may be the largest: of outlines that meet a rigid side those of rounded parts."""
+    """Which may be the largest: where stress has no limit at a place, those of rounded parts."""
 
     def counted(self) -> HoopStress:
         """Return those that may be the largest."""
@@ -86,12 +85,11 @@ class HoopStress:
 
 
 def _may_be_largest(pair: CutPair, region: int) -> Flags:
-    """Tell of which leaves an outline's stress counts: of rounded parts, if a rigid side is met."""
-    body, every = pair.body.true.regions[region], np.ones(len(pair.leaves), dtype=np.bool_)
-    if not rigid_sides_at(along(body, pair.body.shape), pair.body):
-        return every
-    turned = turn_in(pair.leaves, body.arcs) > 0.0
-    return turned if turned.any() else every
+    """Tell of which leaves an outline's stress counts; see `OutlinedBody.singular_on`."""
+    places, peaked = pair.body.singular_on(region)
+    if not places:
+        return np.ones(len(pair.leaves), dtype=np.bool_)
+    return (turn_in(pair.leaves, pair.body.true.regions[region].arcs) > 0.0) & peaked
 
 
 def turn_in(leaves: LeafCells, arcs: Floats) -> Floats:

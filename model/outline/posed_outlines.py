@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import product
 from math import gcd, inf
 from typing import ClassVar
 
@@ -18,14 +19,27 @@ from kaju.model.elastic.moduli import scene_moduli
 from kaju.model.elastic.pair.leaves import LeafCells
 from kaju.model.elastic.scales import Scales
 from kaju.model.scene import Body, Scene
+from kaju.model.scene.curves import Point
 
-from .arc_triangles import ArcFrames, TouchError, keep_apart
+from .arc_triangles import CLOSE, ArcFrames, TouchError, keep_apart
 from .leaf_triangles import parted_lines
 from .triangulation import NEAR
-from .true_shapes import AIR, KINK, TINY, UNIT, Law, TrueBody, TrueRegion, first_leaves, holding
+from .true_shapes import (
+    AIR,
+    KINK,
+    SLIGHT,
+    TINY,
+    UNIT,
+    Law,
+    TrueBody,
+    TrueRegion,
+    first_leaves,
+    holding,
+)
 
 SIDES = {"left": (0, 0), "right": (0, 1), "bottom": (1, 0), "top": (1, 1)}
 """Of each side of the array its axis, and whether it is the upper one."""
+BESIDE = 1e-5  # edges of the first agents from the end of an outline: what is on both its sides
 
 
 @dataclass(frozen=True)
@@ -302,11 +316,59 @@ class OutlinedBody:
     @property
     def without_limit(self) -> Floats:
         """Corners (m) at which stress grows without limit, and ends of supports, shape (n, 2)."""
-        shape = np.array(self.shape)
+        ends = np.array([*self.ends], dtype=np.float64).reshape(-1, 2)
+        return self.edge * np.concatenate([self.true.without_limit(KINK, self.shape), ends])
+
+    @cached_property
+    def ends(self) -> dict[Point, dict[int, str]]:
+        """Where on sides stress grows without limit: the outlines that end there, and the side."""
+        shape, regions = np.array(self.shape), self.true.regions
         # Steps of cells are no corners of the body; corners of the array are.
         of_cells = sharp_corners(self.scene) / self.edge
-        ends = of_cells[np.isclose(of_cells * (of_cells - shape), 0.0).all(axis=1)]
-        return self.edge * np.concatenate([self.true.without_limit(KINK, self.shape), ends])
+        corners = of_cells[np.isclose(of_cells * (of_cells - shape), 0.0).all(axis=1)]
+        found: dict[Point, dict[int, str]] = {(x, y): {} for x, y in np.rint(corners).tolist()}
+        for (which, region), (side, (axis, upper)) in product(enumerate(regions), SIDES.items()):
+            frame = np.eye(2)[[1 - axis, axis]] * [[1.0], [1.0 - 2.0 * upper]]  # along it, inward
+            for at, way in region.crossing(axis, float(upper * shape[axis])):
+                point, angle = (at[0].item(), at[1].item()), np.arctan2(*(frame @ way)[::-1])
+                if point in found:
+                    found[point] |= {which: side} if side in self.held else {}
+                elif 0.0 < at[1 - axis] < shape[1 - axis] and SLIGHT < angle < np.pi - SLIGHT:
+                    # The outline parts the half turn at this side into two wedges.
+                    middles = 0.5 * np.array([angle, angle + np.pi])
+                    beside = np.stack([np.cos(middles), np.sin(middles)], axis=1) @ frame
+                    inside = self.material_at(self.edge * (at + BESIDE * beside), edges=False)
+                    if self._grows(side, angle, *([*self.own_laws, AIR][k] for k in inside)):
+                        found[point] = {which: side}
+        return found
+
+    def _grows(self, side: str, angle: float, one: Law, other: Law) -> bool:
+        """Tell whether stress has no limit where two wedges meet at a side, of the first's angle.
+
+        A wedge between a free line and a rigid one has none from cos 2α = -G/K on (M. L. Williams,
+        1952); at a roller, which is a mirror, from a right angle on.
+        """
+        held = len(self.held.get(side, ()))
+        if one == other or (not held and AIR in (one, other)):
+            return False
+        if AIR not in (one, other):
+            return held != 1 or abs(angle - 0.5 * np.pi) > SLIGHT
+        law, wide = (other, np.pi - angle) if one == AIR else (one, angle)
+        least = np.arccos(-min(law.shear / law.bulk, 1.0)) if held == 2 else np.pi
+        return bool(wide > 0.5 * least + SLIGHT)
+
+    def singular_on(self, which: int) -> tuple[list[Point], bool]:
+        """Return where on an outline stress has no limit, and whether it has a peak elsewhere.
+
+        If there is such a place, this is the largest stress of rounded parts, which must not end
+        there.
+        """
+        places = [at for at, ending in self.ends.items() if which in ending]
+        places += [(x, y) for x, y in self.true.without_limit(KINK, self.shape, which)]
+        frames = ArcFrames(self.true.regions[which].arcs)
+        round_parts = np.concatenate([frames.start, frames.end])[np.tile(frames.turn != 0.0, 2)]
+        near = np.abs(round_parts[:, None] - np.array(places).reshape(-1, 2)).max(axis=2) < CLOSE
+        return places, not places or (len(round_parts) > 0 and not near.any())
 
     def start(self) -> LeafCells:
         """Return the first agents."""
@@ -322,18 +384,6 @@ class OutlinedBody:
                 f"error of {left:.2g}, above the tolerance of {tolerance:g}; take a larger "
                 "tolerance, or a rigid side or air instead of the extreme material"
             )
-
-
-def rigid_sides_at(points: Floats, body: OutlinedBody) -> list[str]:
-    """Return the rigid sides on which some points lie, shape (..., 2)."""
-    at = np.round(points, 9)  # ends of arcs lie on sides but for rounding
-    at = at[((at >= 0.0) & (at <= body.shape)).all(axis=-1)]
-    return [
-        side
-        for side, axes in body.held.items()
-        if len(axes) > 1
-        and (at[:, SIDES[side][0]] == body.shape[SIDES[side][0]] * SIDES[side][1]).any()
-    ]
 
 
 def check_alone(regions: Sequence[TrueRegion], which: int, what: str, borne: str) -> None:

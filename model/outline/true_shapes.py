@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property, reduce
 from itertools import combinations, pairwise
@@ -241,6 +242,21 @@ class TrueRegion:
             for line, inward in zip(self.lines, self.inward, strict=True)
         ]
 
+    def crossing(self, axis: int, level: float) -> Iterator[tuple[Floats, Floats]]:
+        """Yield where its outline meets a line across an axis, and a way along it from there."""
+        frames = ArcFrames(self.arcs)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            chord = frames.end - frames.start
+            share = (level - frames.start[:, axis]) / chord[:, axis]
+            through = frames.start + share[:, None] * chord
+        # Curved arcs end where they meet sides of the array.
+        inner = (frames.turn == 0.0) & (share > 0.0) & (share < 1.0)
+        points = [frames.start, frames.end, through[inner], through[inner]]
+        ways = [frames.first, -frames.last, frames.first[inner], -frames.first[inner]]
+        for at, way in zip(np.concatenate(points), np.concatenate(ways), strict=True):
+            if abs(at[axis] - level) < CLOSE:
+                yield np.round(at, 9) + 0.0, way
+
     def part_of(self, other: TrueRegion) -> float:
         """Return 1 if it holds all of another region, 0 if nothing, and else 1/2."""
         frames, others = ArcFrames(self.arcs), ArcFrames(other.arcs)
@@ -352,3 +368,4 @@ class TrueBody:
 
 
 KINK = np.radians(20.0)  # angle from which on agents at a corner are looked at one by one
+SLIGHT = np.radians(0.5)  # angle that is none: of drawings, and by rounding

@@ -158,3 +158,18 @@ def test_a_ball_of_cubes_is_told_of_as_steps_in_space():
     body = {"cell_size": 0.2, "cells": [5] * 3, "material": "steel", "regions": [ball]}
     scene = Scene(body=body, sides={"bottom": "rigid"}, loads=[{"side": "top", "pressure": 1.0}])
     assert any("outlines are steps" in note for note in solve(scene).summary()["notes"])
+
+
+def test_edges_in_space_without_a_limit_are_told_with_their_reasons():
+    body = {"cell_size": 0.2, "cells": [5, 2, 2], "material": "steel"}
+    notch = {"box": [[0.4, 0.0, 0.2], [0.6, 0.4, 0.4]], "material": "air"}
+    rollers = dict.fromkeys(("left", "bottom", "front"), "roller")
+    for more, sides, told in (
+        ({}, {"left": "rigid"}, "along edges (a support ends)"),
+        ({"regions": [notch]}, {"left": "rigid"}, "(a re-entrant corner; a support ends)"),
+        ({}, rollers, ""),
+    ):
+        scene = Scene(body=body | more, sides=sides, loads=[{"side": "right", "pressure": 1.0}])
+        notes = [note for note in solve(scene).notes if "no limit of stress" in note]
+        assert len(notes) == bool(told)
+        assert all(told in note for note in notes)

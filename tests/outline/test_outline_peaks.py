@@ -87,9 +87,43 @@ def test_a_peak_of_an_outline_at_a_rigid_side_is_that_of_its_rounded_parts() -> 
     corner = region(path="M 1 4 V 1.6 A 0.6 0.6 0 0 1 1.6 1 H 4 V 4 Z")
     body = {"size": [4.0, 4.0], "cells": [8, 8], "material": "matrix", "regions": [corner]}
     loads = [{"side": "right", "force": [0.0, -1.0]}]
-    answer = kaju.solve(plate(body=body, sides={"top": "rigid"}, loads=loads), 0.01, goal="hole")
+    scene = plate(body=body, sides={"top": "rigid"}, loads=loads)
+    answer = kaju.solve(scene, 0.01, goal="hole")
     assert answer.goals[0].value == pytest.approx(28.84, rel=0.01)  # that of a tolerance of 0.002
     assert any("rounded parts" in note for note in answer.notes)
+    plain = kaju.solve(scene, 0.01)
+    assert plain.summary()["largest_hoop_stress_Pa"]["hole"] == pytest.approx(28.84, rel=0.01)
+    for told in ("2 corners: it grows with smaller cells at (0, 4), (1, 4) m", "rounded parts"):
+        assert any(told in note for note in plain.notes)
+    # of a straight outline nothing is left
+    corner["path"] = "M 1 4 V 1 H 4 V 4 Z"
+    blunt = kaju.solve(plate(body=body, sides={"top": "rigid"}, loads=loads), 0.1)
+    assert blunt.summary()["largest_hoop_stress_Pa"] is None
+    assert any("'hole'" in note and "is not told" in note for note in blunt.notes)
+    with pytest.raises(kaju.KajuError, match="no rounded part"):
+        blunt.value_of(HOOP)
+
+
+@pytest.mark.parametrize(
+    ("side", "material", "without", "within"),
+    [
+        ("rigid", "air", (63, 90, 120), (50, 60)),
+        ("roller", "air", (92, 120), (60, 90)),
+        ("roller", "soft", (60, 120), (90,)),
+        ("free", "air", (), (60, 120)),
+        ("free", "soft", (90,), ()),
+    ],
+)
+def test_where_an_outline_meets_a_side_the_angle_says_whether_stress_has_a_limit(
+    side, material, without, within
+) -> None:
+    for angle in (*without, *within):
+        across, down = 6.0 * np.cos(np.radians(angle)), 6.0 * np.sin(np.radians(angle))
+        corners = [[10.0, 20.0], [10.0 - across, 20.0 - down], [30.0, 10.0], [30.0, 20.0]]
+        sides = {"top": side, "left": "rigid", "bottom": "roller"}
+        answer = kaju.solve(plate(region(material, polygon=corners), sides=sides), tolerance=0.5)
+        near = np.isclose(answer.sharp_corners, [10.0, 20.0]).all(axis=1)
+        assert near.any() == (angle in without)
 
 
 def test_a_peak_is_stored(tmp_path: Path) -> None:

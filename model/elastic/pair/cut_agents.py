@@ -204,8 +204,16 @@ class CutAgents(PairAgents):
                 f"{loose} part{'s' * (loose > 1)} of the body without support and without load; "
                 "if a support was meant, give it"
             )
-        for name, along in ((name, one.counted()) for name, one in self.along.items()):
-            if (asked and asked.at == name) or not len(along.moved):
+        for name, one in self.along.items():
+            if asked and asked.at == name:
+                continue
+            if not one.counts.all():
+                parts = "that of its rounded parts" if one.counts.any() else "not told"
+                notes.append(
+                    f"along {name!r} stress has no limit at a corner or where it meets a side: its "
+                    f"largest hoop stress is {parts}"
+                )
+            if not len((along := one.counted()).moved):
                 continue
             at = int(np.abs(along.moved).argmax())
             peak, off = mega * float(along.moved[at]), mega * along.apart(at)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import partial
-from math import inf, radians, sqrt
+from math import inf, sqrt
 from typing import Any
 
 import numpy as np
@@ -21,18 +21,15 @@ from kaju.model.elastic.goals.quantities import (
     directions_of,
     quantities_of,
 )
-from kaju.model.outline.arc_triangles import ArcFrames
 from kaju.model.outline.hoop_stress import HoopStress, turn_in
 from kaju.model.outline.leaf_triangles import VagueError, leaf_triangles
 from kaju.model.outline.posed_outlines import (
     SIDES,
     OutlinedBody,
     UnlikeError,
-    along,
     check_alone,
-    rigid_sides_at,
 )
-from kaju.model.outline.true_shapes import UNIT, covering
+from kaju.model.outline.true_shapes import SLIGHT, UNIT, covering
 from kaju.model.scene import Scene
 
 from .cut_agents import CutAgents
@@ -211,24 +208,23 @@ class _Peak:
     def __init__(self, body: OutlinedBody, asked: Stress, tolerance: float):
         self._asked, self._tolerance, name = asked, tolerance, str(asked.at)
         self._which = [region.name for region in body.asked.body.regions].index(name)
-        self._region = body.true.regions[self._which]
         self._value = self._off = self._error = inf
         check_alone(body.true.regions, self._which, f"goal: {name!r}", "peak")
         no_limit = f"goal: the stress along {name!r} has no limit: this outline"
-        # the angle from which on a corner has no limit of stress
-        sharp = body.true.without_limit(radians(0.5), body.shape, self._which)
+        sharp = body.true.without_limit(SLIGHT, body.shape, self._which)
         for x, y in body.edge * sharp[:1]:
             raise SingularPlaceError(
                 f"{no_limit} has a sharp corner at ({x:g}, {y:g}) m; make it round"
             )
-        self._no_bound, frames = NO_BOUND, ArcFrames(self._region.arcs)
-        for side in rigid_sides_at(along(self._region, body.shape), body)[:1]:
-            told = f"meets the rigid side {side!r}"
-            ends = np.stack([frames.start, frames.end], axis=1)[frames.turn != 0.0]
-            if not len(ends) or rigid_sides_at(ends, body):
+        self._no_bound = NO_BOUND
+        met = (ending[self._which] for ending in body.ends.values() if self._which in ending)
+        for side in [*met][:1]:
+            told = f"ends at the side {side!r}, where there is no limit"
+            if not body.singular_on(self._which)[1]:
                 raise SingularPlaceError(
                     f"{no_limit} {told}, and has no rounded part away from it; make this side a "
-                    "roller, name the outline of the fillet or hole that is meant, or give no goal"
+                    "roller that it meets at a right angle, name the outline of the fillet or hole "
+                    "that is meant, or give no goal"
                 )
             self._no_bound += f", and {name!r} {told}: this is the largest of its rounded parts"
 

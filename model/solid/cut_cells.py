@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kaju.arrays import Flags, Floats, Ints
+from kaju.model.elastic.equal.staggered import padded
 from kaju.model.scene.shapes import Points, Shape
 
 EMPTY, CUT, WHOLE = 0, 1, 2
@@ -134,8 +135,7 @@ def edge_shares(eighths: Floats, pair: tuple[int, int]) -> Floats:
     (along,) = {0, 1, 2} - set(pair)
     found = _pairwise(eighths, along)
     for axis in pair:
-        width = [(1, 1) if a == axis else (0, 0) for a in range(3)]
-        found = _pairwise(np.pad(found, width, mode="edge"), axis)
+        found = _pairwise(padded(found, (axis,)), axis)
     return found
 
 

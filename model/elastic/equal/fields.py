@@ -21,6 +21,7 @@ from .staggered import (
     cut,
     ends,
     internal_force,
+    padded,
     strains,
     stresses,
 )
@@ -53,8 +54,7 @@ def _edge_values(
     states = problem.face_states
     field = np.where(states[axis] == ABSENT, np.nan, u[axis])
     # Ghosts inside rigid ground, or at its edge, are the wall's own.
-    width = [(1, 1) if a == axis else (0, 0) for a in range(problem.dimension)]
-    below, above = ends(np.pad(problem.kinds, width, mode="edge"), axis)
+    below, above = ends(padded(problem.kinds, (axis,)), axis)
     walls = ((below == RIGID) | (above == RIGID)) & (below < 0) & (above < 0)
     values, wall = _between(field, across, walls)
     before, after = _sides(np.where(states[across] == ABSENT, np.nan, u[across]), axis)
@@ -81,15 +81,13 @@ def _sides(
     field: NDArray[Any], axis: int, beyond: float = np.nan
 ) -> tuple[NDArray[Any], NDArray[Any]]:
     """Return the neighbours below and above every place between faces, and beyond the ends."""
-    width = [(1, 1) if a == axis else (0, 0) for a in range(field.ndim)]
-    return ends(np.pad(field, width, constant_values=beyond), axis)
+    return ends(padded(field, (axis,), beyond), axis)
 
 
 def _between(field: Floats, axis: int, wall: Flags) -> tuple[Floats, Flags]:
     """Return values half-way between neighbours along an axis, prolonged at the ends of a body."""
     # Beside a wall the wall's own value holds, for it lies half a cell nearer than a face.
-    width = [(2, 2) if a == axis else (0, 0) for a in range(field.ndim)]
-    line, count = np.pad(field, width, constant_values=np.nan), field.shape[axis] + 1
+    line, count = padded(padded(field, (axis,), np.nan), (axis,), np.nan), field.shape[axis] + 1
     parts = [line[cut(field.ndim, axis, slice(k, k + count))] for k in range(4)]
     low_wall, high_wall = _sides(wall, axis, False)
     mean = 0.5 * (parts[1] + parts[2])

@@ -13,6 +13,7 @@ twice μ at a wall, which is the one-sided gradient over half a cell.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from functools import reduce
 from itertools import combinations
 from typing import Any, NamedTuple
@@ -63,6 +64,16 @@ def ends(values: NDArray[Any], axis: int) -> tuple[NDArray[Any], NDArray[Any]]:
     return values[low], values[high]
 
 
+def padded(values: NDArray[Any], axes: Iterable[int], fill: Any = None) -> NDArray[Any]:
+    """Return values with one more before and behind along some axes: a fill, or as the last."""
+    width = [(int(axis in axes),) * 2 for axis in range(values.ndim)]
+    return (
+        np.pad(values, width, "edge")
+        if fill is None
+        else np.pad(values, width, constant_values=fill)
+    )
+
+
 def cell_modulus(problem: ElasticProblem, per_material: Floats) -> Floats:
     """Spread a modulus over the cells, zero where there is no material."""
     modulus: Floats = np.append(per_material, 0.0)[np.maximum(problem.kinds, -1)]
@@ -74,12 +85,11 @@ def edge_modulus(problem: ElasticProblem, pair: Pair) -> Floats:
     # Shape: one more than the cells (ghosts included) along both axes of the pair.
     if problem.edges is not None:
         return problem.edges[pair]
-    width = [(1, 1) if axis in pair else (0, 0) for axis in range(problem.dimension)]
-    padded, shear = np.pad(problem.kinds, width, constant_values=AIR), problem.moduli.shear
+    kinds, shear = padded(problem.kinds, pair, AIR), problem.moduli.shear
 
     def summed(values: NDArray[Any]) -> NDArray[Any]:
         """Return the sum over the four cells round every edge of what a kind has."""
-        return reduce(np.add, around_edges(values.take(padded, mode="wrap"), pair))
+        return reduce(np.add, around_edges(values.take(kinds, mode="wrap"), pair))
 
     # Kinds that are no material are negative: they count from the end of these tables. Cells are
     # counted in digits of base 16: those of body or rigid, those of body, and those of air.
@@ -108,17 +118,16 @@ def energy_of_cells(problem: ElasticProblem, u: FaceFields) -> Floats:
     energy = np.add.reduce([0.5 * sigma * epsilon for sigma, epsilon in pairs])
     compliance = cell_modulus(problem, 1.0 / problem.moduli.shear)
     for pair, gamma in strain.edges.items():
-        width = [(1, 1) if axis in pair else (0, 0) for axis in range(compliance.ndim)]
-        total = np.add.reduce(around_edges(np.pad(compliance, width), pair))
+        total = np.add.reduce(around_edges(padded(compliance, pair, 0.0), pair))
         share = np.zeros_like(total)
         np.divide(0.5 * stress.edges[pair] * gamma, total, out=share, where=total > 0.0)
         energy += compliance * np.add.reduce(around_edges(share, pair))
     return np.asarray(energy[problem.inner])
 
 
-def around_edges(padded: NDArray[Any], pair: Pair) -> list[NDArray[Any]]:
+def around_edges(cells: NDArray[Any], pair: Pair) -> list[NDArray[Any]]:
     """Return the four cells round every edge."""
-    return [corner for side in ends(padded, pair[0]) for corner in ends(side, pair[1])]
+    return [corner for side in ends(cells, pair[0]) for corner in ends(side, pair[1])]
 
 
 def strains(u: FaceFields) -> Strains:
@@ -127,13 +136,9 @@ def strains(u: FaceFields) -> Strains:
     cells = tuple(np.diff(values, axis=axis) for axis, values in enumerate(u))
     edges = {}
     for a, b in axis_pairs(d):
-        edges[a, b] = _gradient(u[a], b) + _gradient(u[b], a)
+        along = np.diff(padded(u[a], (b,)), axis=b)
+        edges[a, b] = along + np.diff(padded(u[b], (a,)), axis=a)
     return Strains(cells, edges)
-
-
-def _gradient(values: Floats, axis: int) -> Floats:
-    width = [(1, 1) if a == axis else (0, 0) for a in range(values.ndim)]
-    return np.diff(np.pad(values, width, mode="edge"), axis=axis)
 
 
 def stresses(problem: ElasticProblem, strain: Strains) -> Strains:
@@ -231,9 +236,7 @@ def strain_matrix(problem: ElasticProblem, numbering: Numbering) -> sp.csr_array
         stiff = edge_modulus(problem, pair) > 0
         terms = []
         for axis, across in (pair, pair[::-1]):
-            width = [(1, 1) if a == across else (0, 0) for a in range(d)]
-            number = np.pad(numbering.number[axis], width, constant_values=-1)
-            low, high = ends(number, across)
+            low, high = ends(padded(numbering.number[axis], (across,), -1), across)
             terms += [(low[stiff], -1.0), (high[stiff], 1.0)]
         blocks.append(_differences(numbering.size, terms))
     return sp.csr_array(sp.vstack(blocks, format="csr"))

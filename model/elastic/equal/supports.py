@@ -14,13 +14,22 @@ from itertools import permutations
 import numpy as np
 from numpy.typing import NDArray
 
-from kaju.arrays import Flags, Floats, Ints, moved
+from kaju.arrays import Flags, Floats, Ints
 from kaju.factors import rigid_motions
 from kaju.model.elastic.free_motion import free_motion, unheld
-from kaju.model.scene.cell_types import FOUNDATION, RIGID
+from kaju.model.scene.cell_types import RIGID
 
-from .problem import ACTIVE, FIXED, ElasticProblem, coarse_box, is_box
-from .staggered import around_edges, axis_pairs, cut, edge_modulus, ends
+from .problem import ABSENT, ACTIVE, FIXED, ElasticProblem, coarse_box, is_box
+from .staggered import (
+    Numbering,
+    around_edges,
+    axis_pairs,
+    cut,
+    edge_modulus,
+    ends,
+    padded,
+    strain_matrix,
+)
 
 
 def check_supports(
@@ -52,47 +61,27 @@ def parts_of(body: Flags) -> tuple[NDArray[np.int32], int]:
 
 def _stops(problem: ElasticProblem, parts: NDArray[np.int32]) -> tuple[Ints, Floats]:
     """Return what is held: to which part it belongs, and how far every rigid motion strains it."""
-    # These are held faces, springs, and edges that shear when faces round them stay.
+    # Springs, and cells and edges that strain because held faces beside them stay.
     d = problem.dimension
-    states = problem.face_states
-    owners: list[Ints] = []
-    rows: list[Floats] = []
-    bedded = bool(np.any(problem.kinds == FOUNDATION))
-    for axis in range(d):
-        stopped = states[axis] == FIXED
-        if bedded:
-            stopped |= problem.spring[axis] > 0
-        for face in (slice(1, None), slice(None, -1)):
-            cell = np.argwhere(stopped[cut(d, axis, face)])
-            cell = cell[parts[tuple(cell.T)] > 0]
-            owners.append(parts[tuple(cell.T)].astype(np.int64))
-            rows.append(_motions(moved(cell, axis, face.start or 0), axis, d))
+    held = Numbering(tuple(np.where(s == FIXED, ACTIVE, ABSENT) for s in problem.face_states))
+    moved = [_motions(np.argwhere(number >= 0), axis) for axis, number in enumerate(held.number)]
+    matrix = strain_matrix(problem, held)
+    some = np.flatnonzero(np.diff(matrix.indptr))
+    owners = [parts[problem.kinds >= 0]] * d
     for pair in axis_pairs(d):
-        # Edges that shear because held faces round them stay where they are.
-        shape = [n + (a in pair) for a, n in enumerate(problem.kinds.shape)]
-        near = np.zeros(shape, dtype=np.bool_)
-        for axis, across in (pair, pair[::-1]):
-            for end in ends(near, across):
-                end |= states[axis] == FIXED
-        edge = np.argwhere(near & (edge_modulus(problem, pair) > 0))
-        strained = np.zeros((len(edge), d + d * (d - 1) // 2))
-        owner = np.zeros(len(edge), dtype=np.int32)
-        for axis, across in (pair, pair[::-1]):
-            for step in (-1, 0):
-                at = moved(edge, across, step)
-                pull = np.where(states[axis][tuple(at.T)] == FIXED, 2.0 * step + 1.0, 0.0)
-                strained += pull[:, None] * _motions(at, axis, d)
-                for side in (-1, 0):
-                    owner = np.maximum(owner, parts[tuple(moved(at, axis, side).T)])
-        some = strained.any(axis=1)
-        owners.append(owner[some].astype(np.int64))
-        rows.append(strained[some])
-    return np.concatenate(owners), np.concatenate(rows)
+        around = np.maximum.reduce(around_edges(padded(parts, pair, 0), pair))
+        owners.append(around[edge_modulus(problem, pair) > 0])
+    owners, rows = [np.concatenate(owners)[some]], [matrix[some] @ np.concatenate(moved)]
+    for axis, spring in enumerate(problem.spring):
+        bedded = spring > 0.0
+        owners.append(np.maximum(*ends(padded(parts, (axis,), 0), axis))[bedded])
+        rows.append(_motions(np.argwhere(bedded), axis))
+    return np.concatenate(owners).astype(np.int64), np.concatenate(rows)
 
 
-def _motions(face: Ints, axis: int, dimension: int) -> Floats:
+def _motions(face: Ints, axis: int) -> Floats:
     """Return how far every rigid motion about the array's corner moves faces (by index)."""
-    place = face.astype(np.float64) + np.where(np.arange(dimension) == axis, 0.0, 0.5)
+    place = face.astype(np.float64) + np.where(np.arange(face.shape[1]) == axis, 0.0, 0.5)
     return rigid_motions(place, np.full(len(face), axis))
 
 
@@ -129,8 +118,7 @@ def is_torn(problem: ElasticProblem) -> bool:
     """Tell whether held faces side by side are moved apart: the finer, the more energy it takes."""
     for axis, across in permutations(range(problem.dimension), 2) if problem.moved.any() else ():
         pair = (axis, across)
-        width = [(1, 1) if a in pair else (0, 0) for a in range(problem.dimension)]
-        body = np.logical_or.reduce(around_edges(np.pad(problem.kinds >= 0, width), pair))
+        body = np.logical_or.reduce(around_edges(padded(problem.kinds >= 0, pair, False), pair))
         held = np.logical_and(*ends(problem.face_states[axis] == FIXED, across))
         apart = np.not_equal(*ends(problem.fixed[axis], across))
         if np.any(held & apart & body[cut(problem.dimension, across, slice(1, -1))]):

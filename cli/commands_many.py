@@ -16,7 +16,6 @@ from .console import Console, Folder, write_json
 from .options import Force, Json, Pictures, Quiet, SceneFile, Settings, best_of, folder, scene_of
 
 if TYPE_CHECKING:
-    import pandas
     from matplotlib.figure import Figure
 
     from kaju.model.study.compare import Comparison
@@ -169,7 +168,6 @@ def sweep(
         int | None, typer.Option(min=1, metavar="N", help="Processes; all processors unless given.")
     ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Of all random numbers.")] = 0,
-    pictures: Pictures = True,
 ) -> None:
     """Run a scene at many points. The same command again goes on where it was interrupted."""
     from kaju.model.study.sweep import sweep as run_all
@@ -198,8 +196,6 @@ def sweep(
     if len(failed):
         typer.echo(f"run {failed['run'].iloc[0]} failed: {failed['error'].iloc[0]}")
     typer.echo(target / "table.csv")
-    for picture in _draw(table, target, measure) if pictures else ():
-        typer.echo(picture)
     if len(failed) == len(table):
         raise typer.Exit(1)
 
@@ -245,21 +241,3 @@ def _listed(text: str) -> list[Any]:
         return list(tomllib.loads(f"values = [{text}]")["values"])
     except tomllib.TOMLDecodeError:
         return [part.strip() for part in text.split(",") if part.strip()]
-
-
-def _draw(table: pandas.DataFrame, target: Path, measure: list[str] | None) -> list[Path]:
-    """Draw the first measure that varies."""
-    from kaju.view.style import save
-    from kaju.view.sweep_plots import plot_effects, plot_sweep_map
-
-    about = table.attrs["sweep"]
-    good = table[table["error"] == ""].drop(columns=["run", "error", *about["varied"]])
-    numbers = good.select_dtypes("number")
-    columns = [name for name in measure or numbers if name in numbers]
-    shown = next((str(name) for name in columns if numbers[name].nunique() > 1), None)
-    if shown is None:
-        return []
-    written = [save(plot_effects(table, shown), target / "effects.png")]
-    if len(about["varied"]) > 1:
-        written.append(save(plot_sweep_map(table, shown), target / "map.png"))
-    return written

@@ -5,9 +5,7 @@ Run `run.py` for the pictures; MODEL.md tells what there is to see.
 
 from __future__ import annotations
 
-import networkx as nx
 import numpy as np
-from numpy.typing import NDArray
 
 from kaju import NetworkResult, SpringNetwork
 from kaju.errors import SupportError
@@ -40,13 +38,6 @@ def same_body(rows: int, force: float = 0.02) -> NetworkResult:
     apart: so the springs stay the same, and only the nodes come closer.
     """
     return solve(triangular(rows, rows, spacing=4.0 / (rows - 1), force=force))
-
-
-def connections(network: SpringNetwork) -> NDArray[np.int64]:
-    """Return the matrix of zeros and ones that says which nodes are joined."""
-    graph = network.to_graph()
-    matrix = nx.to_numpy_array(graph, nodelist=list(network.names), weight=None, dtype=np.int64)
-    return np.asarray(matrix)
 
 
 def free_motions(network: SpringNetwork) -> int:

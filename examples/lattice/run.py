@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import matplotlib as mpl
+import networkx as nx
 import numpy as np
 
 mpl.use("Agg")
@@ -22,7 +23,6 @@ from lattice import (
     NODES,
     RECIPES,
     SHAPES,
-    connections,
     free_motions,
     pressed,
     same_body,
@@ -33,12 +33,11 @@ from kaju import NetworkResult, plot
 from kaju.model.network import triangular
 
 
-def shapes(path: Path | None) -> dict[str, Any]:
+def shapes(path: Path) -> dict[str, Any]:
     """Press lattices of three shapes, and draw them."""
     found = {f"{width} × {rows}": pressed(width, rows) for width, rows in SHAPES}
     for (width, rows), result in zip(SHAPES, found.values(), strict=True):
-        if path is not None:
-            plot(result).savefig(path / f"pressed_{width}x{rows}.png", dpi=110)
+        plot(result).savefig(path / f"pressed_{width}x{rows}.png", dpi=110)
     return {name: figures_of(result) for name, result in found.items()}
 
 
@@ -60,33 +59,31 @@ def figures_of(result: NetworkResult) -> dict[str, Any]:
     }
 
 
-def more_nodes(path: Path | None) -> dict[str, Any]:
+def more_nodes(path: Path) -> dict[str, Any]:
     """Make the same body of ever more nodes, and draw what changes and what does not."""
     found = {rows: figures_of(same_body(rows)) for rows in NODES}
-    if path is not None:
-        figure, (left, right) = plt.subplots(1, 2, figsize=(8.4, 3.4))
-        nodes = [told["nodes"] for told in found.values()]
-        left.semilogx(nodes, [1e3 * told["tip"] for told in found.values()], "o-", color="#0b5394")
-        right.loglog(nodes, [t["largest_strain"] for t in found.values()], "s-", color="#b2340b")
-        left.set(ylabel="tip gives by (mm)", ylim=(0.0, None))
-        right.set(ylabel="largest strain of a spring")
-        for axes in (left, right):
-            axes.set_xlabel("nodes of the same body")
-            axes.grid(color="#dddddd", lw=0.5)
-        _save(figure, path / "more_nodes.png")
+    figure, (left, right) = plt.subplots(1, 2, figsize=(8.4, 3.4))
+    nodes = [told["nodes"] for told in found.values()]
+    left.semilogx(nodes, [1e3 * told["tip"] for told in found.values()], "o-", color="#0b5394")
+    right.loglog(nodes, [t["largest_strain"] for t in found.values()], "s-", color="#b2340b")
+    left.set(ylabel="tip gives by (mm)", ylim=(0.0, None))
+    right.set(ylabel="largest strain of a spring")
+    for axes in (left, right):
+        axes.set_xlabel("nodes of the same body")
+        axes.grid(color="#dddddd", lw=0.5)
+    _save(figure, path / "more_nodes.png")
     return {str(rows): told for rows, told in found.items()}
 
 
-def matrix(path: Path | None) -> dict[str, Any]:
+def matrix(path: Path) -> dict[str, Any]:
     """Count what the matrix of connections says, and draw it."""
     network = triangular(5)
-    joined = connections(network)
-    if path is not None:
-        figure, axes = plt.subplots(figsize=(4.6, 4.8))
-        axes.imshow(joined, cmap="Greys", interpolation="nearest")
-        axes.set_title("Which nodes are joined: 1 is black", fontsize=10, loc="left")
-        axes.set(xlabel="node", ylabel="node")
-        _save(figure, path / "matrix.png")
+    joined = nx.to_numpy_array(network.to_graph(), weight=None, dtype=np.int64)
+    figure, axes = plt.subplots(figsize=(4.6, 4.8))
+    axes.imshow(joined, cmap="Greys", interpolation="nearest")
+    axes.set_title("Which nodes are joined: 1 is black", fontsize=10, loc="left")
+    axes.set(xlabel="node", ylabel="node")
+    _save(figure, path / "matrix.png")
     return {
         "nodes": len(joined),
         "springs": int(joined.sum()) // 2,
@@ -95,18 +92,17 @@ def matrix(path: Path | None) -> dict[str, Any]:
     }
 
 
-def recipes(path: Path | None) -> dict[str, Any]:
+def recipes(path: Path) -> dict[str, Any]:
     """Press lattices of softer and firmer springs, and draw how far they give."""
     told = {
         name: round(pressed(5, 5, stiffness).largest_displacement()[1], 6)
         for name, stiffness in RECIPES.items()
     }
-    if path is not None:
-        figure, axes = plt.subplots(figsize=(4.6, 3.2))
-        axes.bar(list(told), [1e3 * tip for tip in told.values()], color="#c8963e", width=0.6)
-        axes.set_ylabel("tip gives by (mm)")
-        axes.set_title("Water and salt as spring constants (assumed)", fontsize=10, loc="left")
-        _save(figure, path / "recipes.png")
+    figure, axes = plt.subplots(figsize=(4.6, 3.2))
+    axes.bar(list(told), [1e3 * tip for tip in told.values()], color="#c8963e", width=0.6)
+    axes.set_ylabel("tip gives by (mm)")
+    axes.set_title("Water and salt as spring constants (assumed)", fontsize=10, loc="left")
+    _save(figure, path / "recipes.png")
     return told
 
 
@@ -120,16 +116,14 @@ def main(arguments: list[str] | None = None) -> dict[str, Any]:
     """Run the experiment, draw, and return the key figures that ``summary.json`` holds."""
     parser = argparse.ArgumentParser(description=__doc__, allow_abbrev=False)
     parser.add_argument("--out", type=Path, default=Path("lattice"), help="folder for results")
-    parser.add_argument("--no-pictures", action="store_true", help="write numbers only")
     asked = parser.parse_args(arguments)
     asked.out.mkdir(parents=True, exist_ok=True)
-    pictures = None if asked.no_pictures else asked.out
     summary = {
-        "shapes": shapes(pictures),
-        "more nodes on the same body": more_nodes(pictures),
-        "matrix of connections": matrix(pictures),
+        "shapes": shapes(asked.out),
+        "more nodes on the same body": more_nodes(asked.out),
+        "matrix of connections": matrix(asked.out),
         "without supports": without_supports(),
-        "recipes (assumed)": recipes(pictures),
+        "recipes (assumed)": recipes(asked.out),
     }
     (asked.out / "summary.json").write_text(json.dumps(summary, indent=1) + "\n")
     return summary

@@ -127,21 +127,10 @@ class Bite:
         return [float(self.dent[record]) for record in records]
 
 
-def strip(noodle: Noodle, rows: int, width: int | None = None) -> SpringNetwork:
-    """Return the strip at rest, its ends held by the hands.
-
-    Parameters
-    ----------
-    noodle : Noodle
-        The material.
-    rows : int
-        Rows of nodes across the height, an odd number from 3; more rows lie closer together.
-    width : int, optional
-        Nodes along the strip, an odd number; None: as many as make up `LENGTH`.
-    """
+def strip(noodle: Noodle, rows: int) -> SpringNetwork:
+    """Return the strip at rest, its ends held by the hands; an odd number of rows of nodes."""
     spacing = HEIGHT / (0.5 * np.sqrt(3.0) * (rows - 1))
-    if width is None:
-        width = 2 * round(0.5 * LENGTH / spacing) + 1  # with a node in the very middle
+    width = 2 * round(0.5 * LENGTH / spacing) + 1  # with a node in the very middle
     return triangular(width, rows, spacing=spacing, stiffness=noodle.spring().K_f, force=0.0)
 
 
@@ -154,20 +143,10 @@ def bitten(network: SpringNetwork) -> tuple[NDArray[np.int64], NDArray[np.int64]
     return top, bottom
 
 
-def eat(noodle: Noodle, rows: int = 9, meal: Meal | None = None, width: int | None = None) -> Bite:
-    """Bite a noodle, hold it, let it go, and chew it.
-
-    Parameters
-    ----------
-    noodle : Noodle
-        The material.
-    rows, width : int
-        Nodes across and along the strip, as in `strip`.
-    meal : Meal, optional
-        What the teeth do.
-    """
+def eat(noodle: Noodle, rows: int = 9, meal: Meal | None = None) -> Bite:
+    """Bite a noodle, hold it, let it go, and chew it."""
     meal = meal or Meal()
-    network = strip(noodle, rows, width)
+    network = strip(noodle, rows)
     force = np.zeros_like(network.positions)
     for nodes, sense in zip(bitten(network), (-1.0, 1.0), strict=True):
         force[nodes, 1] = sense * meal.force / len(nodes)

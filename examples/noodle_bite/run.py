@@ -14,7 +14,7 @@ from typing import Any
 sys.path.insert(0, str(Path(__file__).parent))
 
 from matplotlib.figure import Figure
-from noodle import FIRM, HEIGHT, SOFT, Bite, Meal, eat
+from noodle import FIRM, HEIGHT, SOFT, Bite, eat
 
 import kaju
 
@@ -48,23 +48,6 @@ def shapes(bites: dict[str, Bite], path: Path) -> None:
     figure.savefig(path, dpi=100)
 
 
-def nodes_and_material(by_rows: dict[int, dict[str, Bite]], path: Path) -> None:
-    """Draw what the number of nodes changes, and what the material changes."""
-    figure, rows = Figure((8.0, 3.2), layout="constrained"), list(by_rows)
-    left, right = figure.subplots(1, 2)
-    for name, colour in COLOURS.items():
-        bites = [by_rows[count][name] for count in rows]
-        deepest = [100.0 * bite.deepest[0] / HEIGHT for bite in bites]
-        left.plot(rows, deepest, "o-", color=colour, label=name)
-        stays = [100.0 * bite.dent[-1] / HEIGHT for bite in bites]
-        right.plot(rows, stays, "o-", color=colour)
-    for axes, label in ((left, "dent of the first bite"), (right, "dent that stays")):
-        axes.set(xlabel="rows of nodes", ylabel=f"{label} (% of height)", ylim=(0.0, None))
-        axes.set_xticks(rows)
-    left.legend(frameon=False, fontsize=8)
-    figure.savefig(path, dpi=120)
-
-
 def figures_of(bite: Bite) -> dict[str, Any]:
     """Return the key figures of a bite."""
     course = bite.course
@@ -72,6 +55,7 @@ def figures_of(bite: Bite) -> dict[str, Any]:
         "nodes": len(course.network.positions),
         "springs": len(course.network.springs),
         "deepest": bite.deepest,
+        "deepest_share_of_height": bite.deepest[0] / HEIGHT,
         "dent_just_released": float(bite.dent[bite.released + 1]),
         "dent_at_the_end": float(bite.dent[-1]),
         "work": float(course.work[-1]),
@@ -86,30 +70,13 @@ def main(arguments: list[str] | None = None) -> dict[str, Any]:
     parser = argparse.ArgumentParser(description=__doc__, allow_abbrev=False)
     parser.add_argument("--out", type=Path, default=Path("noodle_bite"), help="folder for results")
     parser.add_argument("--rows", type=int, default=9, help="rows of nodes, an odd number")
-    parser.add_argument("--width", type=int, help="nodes along the strip; left out: 10 mm")
-    parser.add_argument(
-        "--compare", type=int, nargs="*", default=[5, 9, 13], help="rows to compare"
-    )
-    parser.add_argument("--chews", type=int, default=3, help="bites after the first")
-    parser.add_argument("--no-pictures", action="store_true", help="write numbers only")
     asked = parser.parse_args(arguments)
     asked.out.mkdir(parents=True, exist_ok=True)
-    meal = Meal(chews=asked.chews)
-    by_rows = {
-        rows: {noodle.name: eat(noodle, rows, meal, asked.width) for noodle in (FIRM, SOFT)}
-        for rows in sorted({asked.rows, *asked.compare})
-    }
-    bites = by_rows[asked.rows]
-    if not asked.no_pictures:
-        force_over_time(bites, asked.out / "force_time.png")
-        shapes(bites, asked.out / "shapes.png")
-        if len(by_rows) > 1:
-            nodes_and_material(by_rows, asked.out / "nodes_and_material.png")
-        kaju.animate(bites[SOFT.name].course, asked.out / "bite.gif", "times")
-    summary = {
-        f"{rows} rows": {name: figures_of(bite) for name, bite in pair.items()}
-        for rows, pair in by_rows.items()
-    }
+    bites = {noodle.name: eat(noodle, asked.rows) for noodle in (FIRM, SOFT)}
+    force_over_time(bites, asked.out / "force_time.png")
+    shapes(bites, asked.out / "shapes.png")
+    kaju.animate(bites[SOFT.name].course, asked.out / "bite.gif", "times")
+    summary = {name: figures_of(bite) for name, bite in bites.items()}
     (asked.out / "summary.json").write_text(json.dumps(summary, indent=1) + "\n")
     return summary
 

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kaju.arrays import Floats, Ints
-from kaju.errors import SceneError, brief
+from kaju.errors import SceneError, brief, suggestion
 from kaju.model.scene.validation import plain
 
 Vectors = str | tuple[str, ...] | Mapping[Hashable, Any]
@@ -26,7 +26,6 @@ Vectors = str | tuple[str, ...] | Mapping[Hashable, Any]
 
 def read_graph(
     graph: nx.Graph,
-    *,
     positions: str | tuple[str, ...],
     stiffness: str | float,
     rest_length: str | float | None,
@@ -241,15 +240,13 @@ def _numbers(value: Any, place: str) -> Floats:
 
 def _numbered(number: Mapping[Hashable, int], name: Hashable, key: str) -> int:
     if name not in number:
-        near = get_close_matches(str(name), list(map(str, number)), n=1)
-        hint = f"; did you mean {near[0]}?" if near else ""
-        raise SceneError(f"{key}: the graph has no node {name!r}{hint}")
+        near = suggestion(str(name), map(str, number))
+        raise SceneError(f"{key}: the graph has no node {name!r}{near}")
     return number[name]
 
 
 def _nearby(key: str, attributes: Mapping[str, Any]) -> str:
     if not attributes:
         return " (nor any other)"
-    near = get_close_matches(key, list(map(str, attributes)), n=1)
-    names = ", ".join(map(repr, attributes))
-    return f" (it has {names}{f'; did you mean {near[0]!r}?' if near else ''})"
+    near = suggestion(key, map(str, attributes))
+    return f"{near}; it has {', '.join(map(repr, attributes))}"

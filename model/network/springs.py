@@ -383,17 +383,8 @@ class SpringNetwork:
         >>> SpringNetwork.from_graph(graph, rest_length=None, **axes).forces.tolist()
         [[[0.0, 0.0], [0.5, 0.0]]]
         """
-        return cls.build(
-            **read_graph(
-                graph,
-                positions=positions,
-                stiffness=stiffness,
-                rest_length=rest_length,
-                held=held,
-                forces=forces,
-                displacements=displacements,
-            )
-        )
+        how = (positions, stiffness, rest_length, held, forces, displacements)
+        return cls.build(**read_graph(graph, *how))
 
     def to_graph(
         self,
@@ -467,13 +458,7 @@ class SpringNetwork:
         return _between(self.displacements, stage)
 
     def node(self, name: Hashable) -> int:
-        """Return the number of the node of that name.
-
-        Raises
-        ------
-        SceneError
-            If there is none.
-        """
+        """Return the number of the node of that name; refuse one that there is not."""
         if name not in self._numbers:
             some = ", ".join(repr(known) for known in self.names[:4])
             raise SceneError(f"node: there is no {name!r}; the nodes are named {some}, ...")

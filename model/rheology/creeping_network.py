@@ -48,8 +48,11 @@ class NetworkCreepResult(TimeResult):
         """
         given = self.network.displacements[-1]
         along = given / (np.linalg.norm(given, axis=1).max() or 1.0)
-        records = range(len(self.times))
-        return np.array([float(np.vdot(self.outside_forces(k), along)) for k in records])
+        force = []
+        for moved, tension in zip(self.displacement, self.force, strict=True):
+            inner = spring_forces(self.network, spring_geometry(self.network, moved), tension)
+            force.append(-float(np.vdot(inner, along)))
+        return np.array(force)
 
     def largest_force(self) -> Curves:
         """Return the force of the grip over time, or else the largest tension and pressure."""
@@ -58,11 +61,6 @@ class NetworkCreepResult(TimeResult):
             return Curves("Force", *time, {"force of the grip": self.grip_force()}, "N")
         lines = {"largest pull": self.force.max(axis=1), "largest push": self.force.min(axis=1)}
         return Curves("Tension", *time, lines, "N")
-
-    def outside_forces(self, record: int = -1) -> Floats:
-        """Return the load or the force of the support (N) of every node, shape (n, dimension)."""
-        geometry = spring_geometry(self.network, self.displacement[record])
-        return -spring_forces(self.network, geometry, self.force[record])
 
     def to_network_result(self) -> NetworkResult:
         """Return the moments as the records of a loaded network, whose energies mean nothing."""

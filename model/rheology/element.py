@@ -78,21 +78,6 @@ class ThreeElement:
         """Return an elastic spring: no damper acts."""
         return cls(stiffness, 0.0, inf)
 
-    @classmethod
-    def dashpot(cls, damping: float) -> ThreeElement:
-        """Return a damper alone."""
-        return cls(0.0, damping, inf)
-
-    @classmethod
-    def maxwell(cls, stiffness: float, damping: float) -> ThreeElement:
-        """Return a spring and a damper in series."""
-        return cls(stiffness, 0.0, damping)
-
-    @classmethod
-    def kelvin_voigt(cls, stiffness: float, damping: float) -> ThreeElement:
-        """Return a spring and a damper side by side."""
-        return cls(stiffness, damping, inf)
-
     @property
     def retardation_time(self) -> float:
         """D_f/K_f (s): how long the element takes to give under a held force."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from inspect import signature
 from math import isclose
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
@@ -408,14 +409,8 @@ class LoadTable(Described):
             check_side(self.side, lattice.sides, f"{where}.side")
 
 
-_STEPS = {
-    "ramp": ("duration",),
-    "hold": (),
-    "release": (),
-    "cycles": ("period", "high", "low"),
-}
-"""The words for a step of a history, methods of `History`; beside its number each needs the first
-key, and may have the others."""
+_STEPS = ("ramp", "hold", "release", "cycles")
+"""The words for a step of a history: methods of `History`, whose first argument is its number."""
 
 
 class HistoryTable(Described):
@@ -446,7 +441,8 @@ def _after(history: History, step: dict[str, Any], where: str) -> History:
     if len(words) != 1:
         names, got = ", ".join(_STEPS), ", ".join(step)
         raise ParameterError(f"{where}.ramp: a step has one of {names}; got {got or 'none'}")
-    word, keys = words[0], _STEPS[words[0]]
+    word = words[0]
+    keys = [*signature(getattr(history, word)).parameters][1:]
     wrong = [key for key in step if key not in (word, *keys)]
     wrong += [key for key in keys[:1] if key not in step]
     if wrong:

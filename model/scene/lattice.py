@@ -549,13 +549,11 @@ def _subclasses(of: Any) -> list[type[Lattice]]:
     return [each for sub in of.__subclasses__() for each in (sub, *_subclasses(sub))]
 
 
-def check_boxes(lattice: Lattice) -> None:
-    """Refuse cells on which elasticity is not worked out."""
+def check_boxes(lattice: Lattice, what: str = "have a staggered grid") -> None:
+    """Refuse cells other than squares and cubes, which alone do or can `what`."""
+    told = f"body.lattice: only squares and cubes {what}, got {lattice.kind}s; take square cells"
     if not lattice.boxes:
-        other = "solve it as a SpringNetwork, or " if isinstance(lattice, Hexagons) else ""
-        raise SceneError(
-            f"body.lattice: {lattice.kind!r} has no staggered grid; {other}take square cells"
-        )
+        raise SceneError(told + ", or a SpringNetwork" * isinstance(lattice, Hexagons))
 
 
 def check_lattice(lattice: Lattice) -> None:

@@ -1,15 +1,27 @@
-"""Regions as they are described: a shape, and what fills it."""
+"""Regions as they are described: a shape, and what fills it; paths and drawings of SVG.
+
+Paths are in metres and y upwards, with M, L, H, V, C, S, Q, T, A and Z, absolute or relative. The
+elements of a drawing are turned into paths by svgpathtools.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import re
+from base64 import b64decode, b64encode
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise, permutations
 from typing import Annotated, Any, Literal, Self
+from xml.etree import ElementTree
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import BeforeValidator, Field, model_validator
 
-from kaju.errors import SceneError
+from kaju.arrays import Floats
+from kaju.errors import SceneError, SceneFileError, needing
+from kaju.files import text_of_file
 from kaju.model.scene.validation import (
     Described,
     Length,
@@ -20,7 +32,9 @@ from kaju.model.scene.validation import (
     optional,
 )
 
-from .lattice import Lattice
+from .curves import Point as Place
+from .curves import conic, cubic, flattened, inflections, line, parted_at
+from .lattice import Lattice, area_of
 from .level_sets import (
     EMBEDDED_ARRAY,
     EMBEDDED_PIXELS,
@@ -34,7 +48,9 @@ from .shapes import (
     Box,
     Cylinder,
     Ellipse,
+    Extent,
     Point,
+    Points,
     Polygon,
     Ring,
     RoundedBox,
@@ -42,7 +58,6 @@ from .shapes import (
     Slot,
 )
 from .surfaces import surface_from
-from .svg_path import PathShape, drawing_in
 
 METRES = "are these metres? 1 mm is 0.001 m"
 _IN_SPACE = ("ball", "cylinder", "surface")
@@ -244,3 +259,336 @@ def _box(corners: tuple[Point, Point], lattice: Lattice, where: str, flat: bool 
             "lower one along every axis"
         )
     return Box(lower, upper)
+
+
+# Paths and drawings of SVG.
+
+_UNITS = {
+    **{"": 0.0254 / 96.0, "px": 0.0254 / 96.0, "in": 0.0254, "pt": 0.0254 / 72.0},
+    **{"pc": 0.0254 / 6.0, "cm": 0.01, "mm": 0.001, "Q": 0.00025},
+}
+"""Metres, as CSS has them."""
+_SILENT = ("defs", "metadata", "title", "desc", "style", "namedview", "clipPath", "mask", "marker")
+
+
+def read_drawing(text: str) -> list[Floats]:
+    """Return the closed lines of a drawing, each of shape (n, 4, 3).
+
+    The page's lower left corner is the origin. Lines within a line go round holes, whatever their
+    colour; within a path its fill rule says so.
+    """
+    with needing("path.file: an SVG drawing needs svgpathtools: pip install 'kaju[cad]'"):
+        from svgpathtools.document import CONVERSIONS
+        from svgpathtools.parser import parse_transform
+    if "<!ENTITY" in text:
+        raise _wrong("entities are not read; save it as plain SVG")
+    try:
+        root = ElementTree.fromstring(text)  # noqa: S314 (without entities)
+    except ElementTree.ParseError as error:
+        raise _wrong(f"is not an SVG drawing ({error}); save it as plain SVG") from None
+    found: list[list[Floats]] = []
+    for element, place in _elements(root, _page(root), parse_transform):
+        try:
+            data = CONVERSIONS[_name(element)](_rounded(element))
+            lines = [arcs @ place.T for arcs in read_path(data)]  # of homogeneous points
+        except (SceneError, ValueError) as error:
+            raise _wrong(f"{_called(element)} is no outline ({error})") from None
+        found.append(lines if _style(element, "fill-rule") == "evenodd" else _nonzero(lines))
+    if not found:
+        raise _wrong("holds no outline; draw a path, rect, circle, ellipse or polygon")
+    together = [arcs for lines in found for arcs in lines]
+    _check_apart(together)
+    return together
+
+
+def _wrong(what: str) -> SceneError:
+    return SceneError(f"path.file: {what}")
+
+
+def _name(element: Any) -> str:
+    return str(element.tag).rpartition("}")[2]
+
+
+def _called(element: Any) -> str:
+    name = element.get("id")
+    return f"<{_name(element)}{f' id={name!r}' if name else ''}>"
+
+
+def _style(element: Any, key: str) -> str:
+    """Return a property from an element's style, or its attribute of that name."""
+    found = re.search(rf"(?:^|;)\s*{key}\s*:\s*([^;]+)", element.get("style", ""))
+    return (found[1] if found else element.get(key, "")).strip()
+
+
+def _page(root: Any) -> Floats:
+    """Return the matrix from a drawing's own units to metres, y upwards."""
+    if _name(root) != "svg":
+        raise _wrong(f"its first element is <{_name(root)}>, not <svg>; save it as plain SVG")
+    size = [_length(root.get(key, "")) for key in ("width", "height")]
+    box = [float(part) for part in re.split(r"[\s,]+", root.get("viewBox", "").strip()) if part]
+    if len(box) != 4 and size[1] is None:
+        raise _wrong("has neither height nor viewBox, so its lower edge is not known; give one")
+    if len(box) != 4:
+        box = [0.0, 0.0, *((length or 1.0) / _UNITS["px"] for length in size)]
+    if min(box[2:]) <= 0.0:
+        raise _wrong(f"its viewBox {box} has no area")
+    sizes = zip(size, box[2:], strict=True)
+    scale = min((a / b for a, b in sizes if a is not None), default=_UNITS["px"])
+    # a side that is left out keeps the proportions
+    whole = [scale * b if a is None else a for a, b in zip(size, box[2:], strict=True)]
+    x, y = (0.5 * (a - scale * b) for a, b in zip(whole, box[2:], strict=True))  # in the middle
+    return np.array(
+        [
+            [scale, 0.0, x - scale * box[0]],
+            [0.0, -scale, whole[1] - y + scale * box[1]],
+            [0.0, 0.0, 1.0],
+        ]
+    )
+
+
+def _length(text: str) -> float | None:
+    """Return a length (m); None for what is left out or a share of the screen."""
+    found = re.match(r"\s*([-+\d.eE]+?)\s*(px|in|pt|pc|cm|mm|Q|)\s*$", text)
+    if not text.strip() or text.strip().endswith("%") or text == "auto":
+        return None
+    if not found:
+        raise _wrong(
+            f"its size {text!r} is no length; give it in {', '.join(filter(None, _UNITS))}"
+        )
+    return float(found[1]) * _UNITS[found[2]]
+
+
+def _elements(element: Any, place: Floats, transform: Any) -> Iterator[tuple[Any, Floats]]:
+    """Yield each outline of a drawing, and the matrix to metres of its coordinates."""
+    for child in element:
+        name = _name(child)
+        own = "}" not in str(child.tag) or "www.w3.org/2000/svg}" in str(child.tag)
+        if not own or name in _SILENT or _style(child, "display") == "none":
+            continue
+        if name not in ("g", "a", "path", "rect", "circle", "ellipse", "polygon"):
+            raise _wrong(f"{_called(child)} is no outline; turn it into a path, or remove it")
+        for key in ("clip-path", "mask"):  # they hide a part of it
+            if _style(child, key) not in ("", "none"):
+                raise _wrong(f"{_called(child)} has a {key}; cut its outline in the drawing")
+        try:
+            inner = place @ transform(child.get("transform", ""), strict=True)
+        except (ValueError, TypeError) as error:
+            raise _wrong(f"{_called(child)}: its transform is not read ({error})") from None
+        if name in ("g", "a"):
+            yield from _elements(child, inner, transform)
+        else:
+            yield child, inner
+
+
+def _rounded(element: Any) -> Any:
+    """Return a rectangle whose corners are no rounder than its sides allow, as SVG draws it."""
+    if _name(element) != "rect":
+        return element
+    given = dict(element.attrib)
+    for key, other, side in (("rx", "ry", "width"), ("ry", "rx", "height")):
+        radius = element.get(key, element.get(other))
+        if radius not in (None, "auto"):
+            given[key] = str(min(float(radius), 0.5 * float(element.get(side, 0))))
+    return ElementTree.Element(element.tag, given)
+
+
+def _polygon(arcs: Floats, count: int = 16) -> Polygon:
+    return Polygon(tuple(map(tuple, flattened(arcs, count).tolist())))
+
+
+def _nonzero(lines: list[Floats]) -> list[Floats]:
+    """Return the lines of a path beside which the winding number is 0 on one side alone."""
+    shapes = [_polygon(arcs) for arcs in lines]
+    turns = np.array([1 if area_of(np.array(shape.corners)) > 0.0 else -1 for shape in shapes])
+    starts = np.array([shape.corners[0] for shape in shapes])
+    within = np.array([shape.contains(starts) for shape in shapes])
+    np.fill_diagonal(within, False)
+    outside = turns @ within
+    return [
+        arcs for arcs, a, b in zip(lines, outside, turns, strict=True) if (a == 0) != (a + b == 0)
+    ]
+
+
+def _check_apart(lines: list[Floats]) -> None:
+    """Refuse outlines that cross: which of both is meant cannot be told by lines within lines."""
+    for inner, outer in permutations([_polygon(arcs) for arcs in lines], 2):
+        inside = outer.contains(np.array(inner.corners))
+        if inside.any() and not inside.all():
+            x, y = np.array(inner.corners)[int(np.argmax(inside))]
+            raise _wrong(
+                f"two outlines cross or touch near ({x:.4g}, {y:.4g}) m; join them into one path "
+                "in the drawing"
+            )
+
+
+_PARTS = [
+    re.compile(rf"[\s,]*({part})")
+    for part in ("[MmLlHhVvCcSsQqTtAaZz]", "[01]", r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
+]
+"""Of a path: commands, flags and numbers."""
+_COUNT = {"M": 2, "L": 2, "H": 1, "V": 1, "C": 6, "S": 4, "Q": 4, "T": 2, "A": 7, "Z": 0}
+EMBEDDED_DRAWING = "data:image/svg+xml;base64,"
+"""What a drawing starts with that a scene carries with it, in place of a path (RFC 2397)."""
+
+
+@dataclass(frozen=True)
+class PathShape(Shape):
+    """What the closed lines of a path hold (even-odd rule)."""
+
+    text: str
+    drawing: bool = False
+    """Whether the text is a whole SVG drawing."""
+
+    @cached_property
+    def _lines(self) -> list[Floats]:
+        return read_drawing(self.text) if self.drawing else read_path(self.text)
+
+    def embedded(self) -> str:
+        """Return what a scene carries with it in place of a drawing's file."""
+        return EMBEDDED_DRAWING + b64encode(self.text.encode()).decode("ascii")
+
+    def outline(self) -> list[Floats]:
+        """Return its closed lines."""
+        return self._lines
+
+    @cached_property
+    def _polygons(self) -> list[Polygon]:
+        return [_polygon(arcs, 256 if _curved(arcs) else 1) for arcs in self._lines]
+
+    @property
+    def extent(self) -> Extent:
+        """The bounding box."""
+        low, high = zip(*(polygon.extent for polygon in self._polygons), strict=True)
+        return np.min(low, axis=0), np.max(high, axis=0)
+
+    def level(self, points: Points, reach: float) -> Floats:
+        """Return how far (m) points lie outside, of 256 straight lines for a curve."""
+        levels = np.array([polygon.level(points, reach) for polygon in self._polygons])
+        nearest, odd = np.abs(levels).min(axis=0), (levels < 0.0).sum(axis=0) % 2 > 0
+        return np.asarray(np.where(odd, -nearest, nearest))
+
+
+def drawing_in(file: str, key: str) -> PathShape:
+    """Return what an SVG file, or a text that a scene carries with it, draws."""
+    if file.startswith(EMBEDDED_DRAWING):
+        text = b64decode(file.removeprefix(EMBEDDED_DRAWING)).decode("utf-8")
+    else:
+        text = text_of_file(file, SceneFileError, 20_000_000, key=key)
+    shape = PathShape(text, True)
+    try:
+        shape.outline()
+    except SceneError as error:
+        raise SceneError(str(error).replace("path.file", key, 1)) from None
+    return shape
+
+
+def _curved(arcs: Floats) -> bool:
+    return bool((arcs[:, 0] != arcs[:, 1]).any() or (arcs[:, 2] != arcs[:, 3]).any())
+
+
+def read_path(text: str) -> list[Floats]:
+    """Return the closed lines of a path, each of shape (n, 4, 3); lines left open are closed."""
+    lines: list[list[Floats]] = []
+    start: Place = (0.0, 0.0)
+    here, handle, command, last, place = start, start, "", "", 0
+    while text[place:].strip(" \t\r\n,"):
+        found = _PARTS[0].match(text, place)
+        if found:
+            command, place = found[1], found.end()
+        elif command in ("M", "m"):  # further places of a move are lines
+            command = "L" if command == "M" else "l"
+        kind = command.upper()
+        if not command or (kind == "Z" and not found) or (not lines and kind != "M"):
+            raise SceneError(f"path: is not a valid SVG path at {text[place : place + 20]!r}")
+        given, place = _numbers(text, place, kind)
+        origin = here if command.islower() else (0.0, 0.0)
+        x, y = here
+        places = given[5:] if kind == "A" else given
+        at = [
+            (origin[0] + a, origin[1] + b) for a, b in zip(places[::2], places[1::2], strict=False)
+        ]
+        if kind in "MZ":
+            _close(lines, start, here)
+            lines.append([])
+            start = at[0] if at else start
+        elif kind in "LHV":
+            if kind == "H":
+                at = [(origin[0] + given[0], y)]
+            elif kind == "V":
+                at = [(x, origin[1] + given[0])]
+            lines[-1].append(line(here, at[-1]))
+        elif kind == "A":
+            lines[-1] += _elliptic(here, given, at[-1])
+        else:
+            mirrored = (2 * x - handle[0], 2 * y - handle[1])
+            smooth = mirrored if last in {"S": "CS", "T": "QT"}.get(kind, "") and last else here
+            at = [smooth, *at] if kind in "ST" else at
+            handle = at[-2]
+            curve = conic(here, at[0], at[1], 1.0) if kind in "QT" else cubic(here, *at)
+            lines[-1] += parted_at(curve, np.append(inflections(curve), 0.5))
+        here, last = at[-1] if at else start, kind
+        if sum(map(len, lines)) > 10_000:
+            raise SceneError("path: has more than 10,000 curves; draw it as an image")
+    _close(lines, start, here)
+    kept = [np.array(arcs) for arcs in lines if len(arcs) > 1]
+    if not kept:
+        raise SceneError("path: encloses nothing; write one such as M 0 0 H 1 V 1 Z")
+    return kept
+
+
+def _numbers(text: str, place: int, kind: str) -> tuple[list[float], int]:
+    """Return what a command takes, and where the text goes on."""
+    given = []
+    for k in range(_COUNT[kind]):
+        found = _PARTS[1 if kind == "A" and k in (3, 4) else 2].match(text, place)
+        if not found:
+            raise SceneError(f"path: {kind} takes {_COUNT[kind]} numbers, at {text[place:][:20]!r}")
+        given.append(float(found[1]))
+        place = found.end()
+    return given, place
+
+
+def _close(lines: list[list[Floats]], start: Place, here: Place) -> None:
+    """Close the line in hand, and leave out what has no length but by rounding."""
+    if not lines or not lines[-1]:
+        return
+    arcs = np.array([*lines[-1], line(here, start)])
+    points = arcs[:, :, :2]  # ends have a weight of 1
+    length = np.ptp(points, axis=1).max(axis=1)
+    kept = arcs[length > 1e-9 * np.ptp(points.reshape(-1, 2), axis=0).max()]
+    kept[:, 3, :2] = np.roll(kept[:, 0, :2], -1, axis=0)
+    lines[-1] = list(kept)
+
+
+def _elliptic(start: Place, given: list[float], end: Place) -> list[Floats]:
+    """Return a part of an ellipse by its ends, radii and turn, as in SVG's appendix B.2.4."""
+    p, q, turn = np.array(start), np.array(end), np.deg2rad(given[2])
+    radii = np.abs(given[:2])
+    if not (p - q).any():
+        return []
+    if not radii.all():
+        return [line(start, end)]
+    axes = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]]) * radii[:, None]
+    to_circle = np.linalg.inv(axes)
+    u, v = p @ to_circle, q @ to_circle
+    half = 0.5 * (v - u)
+    length = np.hypot(*half)
+    if length > 1.0:  # too small an ellipse is made larger
+        axes, u, v, half = axes * length, u / length, v / length, half / length
+        length = 1.0
+    side = 1.0 if given[3] != given[4] else -1.0
+    away = side * np.sqrt(max(1.0 / length**2 - 1.0, 0.0))
+    centre = 0.5 * (u + v) + away * np.array([-half[1], half[0]])
+    first, last = (np.arctan2(*(at - centre)[::-1]) for at in (u, v))
+    sweep = (last - first) % (2 * np.pi) - (0.0 if given[4] else 2 * np.pi)
+    count = int(np.ceil(abs(sweep) / (np.pi / 2) - 1e-9))
+    angles = first + sweep * np.arange(count + 1) / count
+    at = [centre + np.array([np.cos(t), np.sin(t)]) for t in angles]
+    at[0], at[-1] = u, v
+    weight = np.cos(0.5 * sweep / count)
+    arcs = []
+    for a, b in pairwise(at):
+        tip = centre + (0.5 * (a + b) - centre) / weight**2
+        arcs.append(conic(a @ axes, tip @ axes, b @ axes, weight))
+    arcs[0][0, :2], arcs[-1][3, :2] = start, end
+    return arcs

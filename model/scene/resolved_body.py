@@ -133,8 +133,17 @@ class ResolvedBody:
 
     @cached_property
     def _pyramid(self) -> list[NDArray[np.int16]]:
-        """The kinds of boxes of 1, 2, 4, ... cells of a body given cell by cell."""
-        return [] if isinstance(self.base, int) else _pyramid(self.base)
+        """The kinds of boxes of 1, 2, 4, ... cells of a body given cell by cell, or MIXED."""
+        levels = [] if isinstance(self.base, int) else [self.base]
+        while levels and max(levels[-1].shape) > 1:
+            values = levels[-1]
+            for axis in range(values.ndim):
+                pad = [(0, values.shape[a] % 2 if a == axis else 0) for a in range(values.ndim)]
+                lines = np.moveaxis(np.pad(values, pad, constant_values=MIXED), axis, 0)
+                pair = np.where(lines[0::2] == lines[1::2], lines[0::2], MIXED)
+                values = np.moveaxis(pair, 0, axis).astype(np.int16)
+            levels.append(values)
+        return levels
 
     def box_kinds(self, lower: Cells, exponent: int) -> Ints:
         """Return the kind that fills each box of 2^exponent cells a side from `lower`, or MIXED."""
@@ -198,20 +207,6 @@ def slabs(box: CellBox) -> Iterator[Cells]:
     for start in range(0, count(box), 1_000_000):
         number = np.arange(start, min(start + 1_000_000, count(box)))
         yield lower + np.stack(np.unravel_index(number, tuple(upper - lower)), axis=1)
-
-
-def _pyramid(base: NDArray[np.int16]) -> list[NDArray[np.int16]]:
-    """Return the kinds of the boxes of 1, 2, 4, ... cells, MIXED where they differ."""
-    levels = [base]
-    while max(levels[-1].shape) > 1:
-        values = levels[-1]
-        for axis in range(values.ndim):
-            pad = [(0, values.shape[a] % 2 if a == axis else 0) for a in range(values.ndim)]
-            lines = np.moveaxis(np.pad(values, pad, constant_values=MIXED), axis, 0)
-            pair = np.where(lines[0::2] == lines[1::2], lines[0::2], MIXED)
-            values = np.moveaxis(pair, 0, axis).astype(np.int16)
-        levels.append(values)
-    return levels
 
 
 def relation(shape: Shape, low: Points, high: Points) -> Relation:

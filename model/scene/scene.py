@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import re
 import tomllib
-from collections.abc import Callable, Container, Iterator, Mapping, Sequence
+from collections.abc import Callable, Container, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import fields, is_dataclass
 from difflib import get_close_matches
@@ -39,7 +39,7 @@ from .description import (
     check_side,
     with_shared,
 )
-from .lattice import Cells, Lattice
+from .lattice import Cells, Lattice, check_boxes
 from .pictures import Picture, check_size
 from .regions import PathFile, Region, SurfaceFile, reach_of
 from .resolved_body import CellBox, ResolvedBody, check_body, check_outlines, nothing_left, resolve
@@ -275,11 +275,7 @@ class Scene(Description):
         return self.sides.get(name, FREE)
 
     def kinds(self, cells: Cells) -> Ints:
-        """Return what each cell is, also outside the array, where the sides decide.
-
-        Indices into `cell_materials`, or the negative constants of `kaju.model.scene.cell_types`,
-        of cells given by their coordinates, shape (n, dimension).
-        """
+        """Return what cells (n, dimension) are: indices into `cell_materials`, or `cell_types`."""
         return self._of_cells.kinds(np.asarray(cells, dtype=np.int64))
 
     @property
@@ -304,9 +300,7 @@ class Scene(Description):
         stage = self.stages if stage is None else stage
         if not 1 <= stage <= self.stages:
             raise SceneError(f"stage: must lie between 1 and {self.stages}, got {stage}")
-        return at_stage(
-            self._of_cells, self.loads, self.selections, stage, self.thickness, self.body.gravity
-        )
+        return at_stage(self, self._of_cells, self.selections, stage)
 
     def replace(self, **changes: Any) -> Scene:
         """Return the scene with some of its parts (`loads`, `rule`, ...) replaced."""
@@ -331,12 +325,11 @@ class Scene(Description):
         Pixels of pictures are repeated; regions are evaluated at the centres of the new cells.
         """
         picture = self._of_cells.picture
-        body = _refined_body(self.body, self.lattice, picture, k)
+        body = _refined_body(self, picture, k)
         names = picture.names if picture else ()
         legend = {str(code): name for code, name in enumerate(names)}
         bare = self.replace(body=body, legend=legend, loads=())
-        loads = _refined_loads(self.loads, self.selections, self.lattice, bare.kinds, int(k))
-        return bare.replace(loads=tuple(loads))
+        return bare.replace(loads=tuple(_refined_loads(self, bare.kinds, int(k))))
 
     def with_overrides(self, changes: Mapping[str, Any]) -> Scene:
         """Return the scene with single values replaced by key path.
@@ -469,15 +462,12 @@ def _beyond(shape: Shape, lattice: Lattice, cuts: bool) -> str:
     return reach_of(shape, lattice, remedy)
 
 
-def _refined_body(body: Body, lattice: Lattice, picture: Picture | None, k: int) -> Body:
+def _refined_body(scene: Scene, picture: Picture | None, k: int) -> Body:
     """Return a body with k cells along each edge of a former cell, regions asked anew."""
+    body, lattice = scene.body, scene.lattice
     if isinstance(k, bool) or not isinstance(k, (int, np.integer)) or k < 1:
         raise ParameterError(f"k: must be a whole number, 1 or more, got {k!r}")
-    if not lattice.boxes:
-        raise SceneError(
-            "body.lattice: only squares and cubes can be split into smaller ones, got "
-            f"{lattice.kind}s"
-        )
+    check_boxes(lattice, "can be split into smaller ones")
     given = dict(body)
     if body.size is None:
         given["cell_size"] = lattice.cell_size / k
@@ -491,11 +481,7 @@ def _refined_body(body: Body, lattice: Lattice, picture: Picture | None, k: int)
 
 
 def _refined_loads(
-    loads: Sequence[LoadTable],
-    selections: Sequence[Selection],
-    lattice: Lattice,
-    fine_kinds: Callable[[Cells], Ints],
-    k: int,
+    scene: Scene, fine_kinds: Callable[[Cells], Ints], k: int
 ) -> Iterator[LoadTable]:
     """Yield loads of the same force on the same places of the finer lattice.
 
@@ -503,7 +489,8 @@ def _refined_loads(
     spread over the smaller cells along that face, a load in a cell's middle over all of
     the cell.
     """
-    for load, chosen in zip(loads, selections, strict=True):
+    lattice = scene.lattice
+    for load, chosen in zip(scene.loads, scene.selections, strict=True):
         if load.cell is None:
             yield load
             continue

@@ -19,7 +19,7 @@ from kaju.errors import SceneError
 from kaju.model.scene import cell_types
 from kaju.model.scene.validation import check_axes
 
-from .description import LoadTable
+from .description import Description, LoadTable
 from .lattice import Cells, Lattice
 from .resolved_body import CellBox, ResolvedBody, count, grid, slabs
 from .shapes import Box, Shape
@@ -403,19 +403,14 @@ def _entry_face(body: ResolvedBody, cell: Ints, force: Floats) -> int:
 
 
 def at_stage(
-    body: ResolvedBody,
-    loads: Sequence[LoadTable],
-    selections: Sequence[Selection],
-    stage: int,
-    thickness: float,
-    gravity: tuple[float, ...] | None,
+    scene: Description, body: ResolvedBody, selections: Sequence[Selection], stage: int
 ) -> AppliedLoads:
     """Return all forces at a stage of loading; gravity acts in full from the first stage."""
-    lattice = body.lattice
+    lattice, gravity, thickness = body.lattice, scene.body.gravity, scene.body.thickness or 1.0
     no_cells = np.empty((0, lattice.dimension), dtype=np.int64)
     parts = [(no_cells, no_cells[:, 0], np.empty(no_cells.shape), BY_SIDE)]
     uneven, first = [], 0
-    for load, chosen in zip(loads, selections, strict=True):
+    for load, chosen in zip(scene.loads, selections, strict=True):
         factor = min(1.0, stage / load.steps)
         force = chosen.forces(load, lattice, thickness)
         even = chosen.part is None and chosen.offset is None and load.pressure_slope is None

@@ -22,6 +22,7 @@ from kaju.model.elastic.moduli import Moduli, moduli_at, scene_moduli
 from kaju.model.elastic.uneven_loads import portions
 from kaju.model.scene import Scene
 from kaju.model.scene.cell_types import DISPLACED, FOUNDATION, RIGID, ROLLER
+from kaju.model.scene.lattice import check_boxes
 from kaju.model.study.reference import Reference
 
 Index = NDArray[np.int64]
@@ -154,10 +155,7 @@ def _field_at(
 
 def surroundings(scene: Scene) -> Index:
     """Return the kinds of all cells and of one layer of cells around them."""
-    if not scene.lattice.boxes:
-        raise ParameterError(
-            f"scene: finite elements need square cells or cubes, got {scene.lattice.kind}s"
-        )
+    check_boxes(scene.lattice, "can be finite elements")
     ranges = [np.arange(-1, n + 1) for n in scene.lattice.shape]
     cells = np.stack(np.meshgrid(*ranges, indexing="ij"), axis=-1)
     found = scene.kinds(cells.reshape(-1, len(ranges)))

@@ -35,7 +35,7 @@ def rod():
 
 
 def test_each_spring_may_have_its_own_element():
-    elements = [ELEMENT, ThreeElement.spring(6.0), ThreeElement.dashpot(1.0)]
+    elements = [ELEMENT, ThreeElement(6.0), ThreeElement(0.0, 1.0)]
     times = np.linspace(0.5, 10.0, 20)
     result = creep(rod(), BITE, 10.0, times=times, rheology=elements)
     stretch = np.diff(result.displacement[:, :, 0], axis=1)
@@ -77,7 +77,7 @@ def test_a_bent_truss_stays_bent_by_what_flowed():
     pull, push = result.largest_force().lines.values()
     np.testing.assert_array_equal(np.stack([push, pull], axis=1), np.sort(result.force))
     at_rest = BITE.hold(20.0)
-    voigt = creep(truss(), at_rest, times=[28.3], rheology=ThreeElement.kelvin_voigt(2.0, 3.0))
+    voigt = creep(truss(), at_rest, times=[28.3], rheology=ThreeElement(2.0, 3.0))
     assert abs(voigt.displacement[-1, 2, 1]) < 1e-4
 
 

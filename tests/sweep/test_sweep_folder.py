@@ -136,7 +136,7 @@ def test_a_sweep_from_the_command(swept):
     assert done.output.startswith("2 runs, 0 failed")
     assert table_of(out)["load_taken"].round(6).tolist() == [12.879375, 21.104766]
     names = sorted(path.name for path in out.iterdir())
-    assert names == ["effects.png", "sweep.sqlite", "table.csv"]
+    assert names == ["sweep.sqlite", "table.csv"]
     assert swept(*words)[1].output == done.output  # nothing is computed again
 
 

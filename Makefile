@@ -69,13 +69,17 @@ $(VENV)/.kaju: $(SETUP)
 	$(INSTALL) .
 	touch $@
 
+$(VENV)/.page: $(SETUP)
+	$(INSTALL) '.[page]'
+	touch $@ $(VENV)/.kaju
+
 $(VENV)/.test: $(SETUP)
 	$(INSTALL) '.[test]'
-	touch $@ $(VENV)/.kaju
+	touch $@ $(VENV)/.page $(VENV)/.kaju
 
 $(VENV)/.dev: $(SETUP)
 	$(INSTALL) '.[dev]'
-	touch $@ $(VENV)/.test $(VENV)/.kaju
+	touch $@ $(VENV)/.test $(VENV)/.page $(VENV)/.kaju
 
 pictures: $(VENV)/.test
 	for script in docs/draw_*.py; do $(BIN)/python $$script || exit 1; done
@@ -88,11 +92,11 @@ bench: $(VENV)/.test
 bench-quick: $(VENV)/.test
 	$(BIN)/python benchmarks/work_precision.py --quick benchmarks/results/quick
 
-pages: $(VENV)/.test
+pages: $(VENV)/.page
 	$(BIN)/python docs/make_pages.py
 
 # All lessons in one file, for a class or a colleague without Python.
-lessons: $(VENV)/.test
+lessons: $(VENV)/.page
 	$(BIN)/python tools/release.py --lessons $$($(BIN)/python -c 'import kaju; print(kaju.__version__)')
 
 # The site, in site/: texts, lessons with their pages, tutorials that ran, and the public names.

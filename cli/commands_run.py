@@ -117,7 +117,8 @@ def demo(
         from kaju.view.animation import animate
         from kaju.view.page.export import export_page
 
-        page = export_page(result, place.path / "plate.html", title="A load finds its way")
+        title = {"en": "A plate under load", "de": "Eine Platte unter Last", "ja": "荷重を受ける板"}
+        page = export_page(result, place.path / "plate.html", title=title)
         console.say(WATCH.format(page, animate(result, place.path / "spawning.gif")))
     console.say("Figures, arrays and a picture:", *files)
 

@@ -77,7 +77,7 @@ def _photograph(target: Path) -> None:
         sys.exit("chromium is not installed (apt-get install chromium)")
     with tempfile.TemporaryDirectory() as folder, sync_playwright() as player:
         scene = kaju.load_scene(EXAMPLES / "plate.toml", {"loads.0.steps": 1})
-        page_file = kaju.export_page(scene, f"{folder}/plate.html", title="A load finds its way")
+        page_file = kaju.export_page(scene, f"{folder}/plate.html", title="A plate under load")
         options = ["--no-sandbox", "--disable-gpu"]
         browser = player.chromium.launch(executable_path=chromium, args=options)
         tab = browser.new_page(viewport={"width": 1280, "height": 720})

@@ -6,8 +6,9 @@ preset changes, and ``toml questions`` what kind of question each one of the wor
 answers there are expressions of `lesson_measures`, worked out when they are asked for: no
 language tells a number that another does not.
 
-In a worksheet a question begins in bold, ``- label: ___ unit`` is a field to fill in, and
-``*Hint:*`` a hint. What stands in ``<!-- -->`` behind a sentence holds it: `lesson_measures.py`.
+In a worksheet a question begins in bold, ``- label: ___ unit`` is a field to fill in, a last
+point without a blank says what to write in words, and ``*Hint:*`` is a hint. What stands in
+``<!-- -->`` behind a sentence holds it: `lesson_measures.py`.
 """
 
 from __future__ import annotations
@@ -37,18 +38,20 @@ FENCE = re.compile(r"^```(.*?)\n(.*?)^```\n?", re.M | re.S)
 MARK = re.compile(r"<!--.*?-->", re.S)
 _HINT = re.compile(r"^\s+\*(?:Hint|Tipp|ヒント)[:：]\*\s*", re.M)
 _FIELD = re.compile(r"^\s+- (?P<label>.+?)[:：]\s*___ ?(?P<unit>.*)$", re.M)
+_WRITE = re.compile(r"^\s+- (.+)$", re.M)
 _QUESTION = re.compile(r"\((\d+) (?:min|Min\.|分)\)\s*\*\*(.+?)\*\*\s*(.*)", re.S)
 
 
 @dataclass(frozen=True)
 class Question:
-    """A question of the worksheet in one language; its fields are pairs of label and unit."""
+    """A question in one language: fields are pairs of label and unit, `write` asks for words."""
 
     minutes: int
     asks: str
     note: str
     hint: str
     fields: tuple[tuple[str, str], ...]
+    write: str
 
 
 @dataclass(frozen=True)
@@ -84,14 +87,15 @@ class Lesson:
 
     `scenes` belong to the presets, the start first; there are none where the page shows a
     recorded run. With `python` agents are written in the page. `shown` is what the picture in
-    the index has besides the body: "near" the load only, a "cut", a "rule". `kinds` says of each
-    question what the page has to know.
+    the index has besides the body: "near" the load only, a "cut", a "rule"; `curves` are those
+    that the page shows, if not all. `kinds` says of each question what the page has to know.
     """
 
     name: str
     age: int
     python: bool
     shown: str
+    curves: tuple[str, ...]
     texts: dict[str, Text]
     scenes: tuple[kaju.Scene, ...]
     kinds: tuple[dict[str, Any], ...]
@@ -119,8 +123,8 @@ def lesson(name: str) -> Lesson:
             scenes.append(scene.with_overrides(changes) if changes else scene)
     kinds = tomllib.loads(blocks["toml questions"])["question"]
     told = tomllib.loads(blocks["toml lesson"])
-    python, shown = told.get("python", False), told.get("shown", "")
-    return Lesson(name, told["age"], python, shown, texts, tuple(scenes), tuple(kinds))
+    look = told.get("python", False), told.get("shown", ""), tuple(told.get("curves", ()))
+    return Lesson(name, told["age"], *look, texts, tuple(scenes), tuple(kinds))
 
 
 def _text(source: str, language: str) -> Text:
@@ -155,6 +159,8 @@ def _question(item: str) -> Question:
     """Read a question of the worksheet."""
     body, *hint = _HINT.split(item)
     fields = tuple((m["label"], m["unit"].strip()) for m in _FIELD.finditer(body))
-    read = _QUESTION.match(_FIELD.sub("", body).strip())
+    asked, *write = _WRITE.split(_FIELD.sub("", body).strip())
+    read = _QUESTION.match(asked.strip())
     assert read, f"a question is '(10 min) **What?** ...', got {item!r:.60}"
-    return Question(int(read[1]), plain(read[2]), plain(read[3]), plain("".join(hint)), fields)
+    parts = (plain(part) for part in (read[2], read[3], "".join(hint)))
+    return Question(int(read[1]), *parts, fields, plain("".join(write)))

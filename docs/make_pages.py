@@ -38,9 +38,8 @@ def page_lesson(of: Lesson) -> dict[str, Any]:
     """Return what a page is told of a lesson: its questions, in all languages."""
     return {
         "key": of.name,
-        "minutes": sum(question.minutes for question in of.texts["en"].questions),
-        "age": of.age,
         "index": "index.html",
+        "curves": of.curves or None,
         "presets": [
             {
                 "name": {k: text.presets[n][0] for k, text in of.texts.items()},
@@ -68,10 +67,11 @@ def _page_question(of: Lesson, number: int) -> dict[str, Any]:
         "question": {k: q.asks for k, q in asked.items()},
         "note": {k: q.note for k, q in asked.items()},
         "hint": {k: q.hint for k, q in asked.items()},
+        "write": {k: q.write for k, q in asked.items()},
         "answer": {k: text.answers[number] for k, text in of.texts.items()},
         "show": kind.get("show", {}) | {"preset": kind.get("preset", 0)},
     }
-    told |= {name: kind[name] for name in ("until", "lines", "draws") if name in kind}
+    told |= {name: kind[name] for name in ("until", "lines", "draws", "recalls") if name in kind}
     if "answers" in kind:
         told["fields"] = [
             _page_field(asked, n, value, tolerance(kind, n, value))
@@ -93,7 +93,6 @@ def _page_field(
         "read_in": unit,
         "answer": round(value, 6),
         "tolerance": tolerance,
-        "look": label,
     }
 
 
@@ -157,25 +156,21 @@ def make_gallery(folder: Path) -> list[Path]:
 
 def write_index(folder: Path) -> Path:
     """Write the index of all lessons into the folder of their pages; return it."""
-    lessons = [lesson(name) for name in ORDER]
-    cards = "\n".join(_card(found) for found in lessons)
-    ages = sorted({found.age for found in lessons})
+    cards = "\n".join(_card(lesson(name)) for name in ORDER)
     page = (HERE / "lesson_index.html").read_text("utf-8")
-    page = page.replace("{{cards}}", cards).replace("{{ages}}", str(ages))
     target = folder / "index.html"
-    target.write_text(page, encoding="utf-8")
+    target.write_text(page.replace("{{cards}}", cards), encoding="utf-8")
     return target
 
 
 def _card(of: Lesson) -> str:
     """Return a lesson as a card that leads to its page."""
-    minutes = sum(question.minutes for question in of.texts["en"].questions)
     named = {k: f"{ORDER.index(of.name) + 1} · {text.title}" for k, text in of.texts.items()}
     asks = _in_all({k: text.asks for k, text in of.texts.items()}, "p")
     return (
-        f'<a class="card" href="{of.name}.html" data-key="{of.name}" data-age="{of.age}" '
-        f'data-minutes="{minutes}">{picture(of)}<div>{_in_all(named, "h2")}{asks}'
-        '<p class="facts"><span class="minutes"></span><span class="age"></span>'
+        f'<a class="card" href="{of.name}.html" data-key="{of.name}" data-age="{of.age}"'
+        f">{picture(of)}<div>{_in_all(named, 'h2')}{asks}"
+        '<p class="facts"><span class="age"></span>'
         '<span class="done"></span></p></div></a>'
     )
 

@@ -143,9 +143,9 @@ def test_the_index_shows_every_lesson(tmp_path, chromium, request):
         assert card.get_by_role("heading", name=lesson(name).texts["en"].title).is_visible()
         assert card.locator("img").evaluate("image => image.naturalWidth") > 100
     assert len(set(cards.locator("img").evaluate_all("l => l.map((i) => i.src)"))) == len(ORDER)
-    tab.get_by_role("button", name="10", exact=True).click()
+    tab.get_by_role("button", name="12 – 13", exact=True).click()
     ages = [card.get_attribute("data-age") for card in cards.all() if card.is_visible()]
-    assert ages == ["10"] * 2
+    assert ages == ["12"] * 6
     tab.get_by_role("button", name="日本語").click()
     assert "授業" in tab.locator("h1").inner_text()
 

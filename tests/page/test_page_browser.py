@@ -35,7 +35,7 @@ def test_a_runnable_page_is_small_asks_for_itself_and_gives_the_reference_number
     page = opened(plate)
     assert page.js("[page.run.generation, page.run.agents]") == [8, 34]
     assert page.text(".count") == "Generation 8 of 8"
-    assert page.text(".verdict").lower() == "every load ends after at most 8 generations"
+    assert page.text(".verdict").startswith("Every load ends after at most 8 generations\nBy this ")
     page.press("Play")
     page.tab.wait_for_timeout(300)
     assert page.requests == [plate.as_uri()]

@@ -253,13 +253,13 @@ export function tellStory(page, element) {
   const { run, picked: k, t } = page, L = run.lattice;
   const paragraph = (text) => make("p", { textContent: text });
   if (k < 0) { element.replaceChildren(paragraph(t("pick"))); return; }
-  const head = t("cellOf", { c: `(${L.cell(k).join(", ")})` }), kind = run.kinds[k];
+  const kind = run.kinds[k], { materials } = run.scene, head = t("cellOf", { c: `(${L.cell(k).join(", ")})` }) + (kind >= 0 && materials.length > 1 ? `, ${materials[kind].name}` : "");
   if (kind < 0) {
     element.replaceChildren(make("b", { textContent: head }), paragraph(t(kind === AIR ? "isAir" : kind === RIGID ? "isRigid" : "isRoller")));
     return;
   }
-  const story = storyOf(page, k), material = run.scene.materials[kind].name;
-  if (!story) { element.replaceChildren(make("b", { textContent: `${head}, ${material}` }), paragraph(t("asleep"))); return; }
+  const story = storyOf(page, k);
+  if (!story) { element.replaceChildren(make("b", { textContent: head }), paragraph(t("asleep"))); return; }
   const name = (c) => L.names[c % L.D] + (run.C > L.D ? ` ${t(c < L.D ? "pushes" : "pulls")}` : "");
   const data = (value) => make("data", { value: String(value), textContent: quantity(value, "N") });
   const several = (list) => (list.length ? list.flatMap(([word, value], i) => [`${i ? ", " : ""}${word} `, data(value)]) : ["–"]);
@@ -278,5 +278,5 @@ export function tellStory(page, element) {
   }
   row("gotBack", story.returned !== null ? data(story.returned) : run.late && run.returned ? later : t("unknown"));
   if (story.now.length) row("thisGeneration", ...several(story.now.map(([c, v]) => [name(c), v])));
-  element.replaceChildren(make("b", { textContent: `${head}, ${material}` }), make("dl", {}, ...rows));
+  element.replaceChildren(make("b", { textContent: head }), make("dl", {}, ...rows));
 }

@@ -21,11 +21,11 @@ export function curvesOf(run) {
 
 const LEFT = 40, RIGHT = 10, FOOT = 18, LINE = 14;
 
-/** Draw charts into a box, each on a canvas of its own; `limit`: curves are shown no further. */
-export function paintGrid(box, charts, inks, limit = Infinity) {
+/** Draw charts into a box, each on a canvas of its own; curves are shown no further than their `limit`. */
+export function paintGrid(box, charts, inks) {
   while (box.childElementCount < charts.length) box.append(make("canvas"));
   charts.forEach((chart, n) => {
-    const canvas = box.children[n], { r, w, h } = fitted(canvas), ctx = canvas.getContext("2d"), shown = chart.over.filter((at) => at <= limit).length;
+    const canvas = box.children[n], { r, w, h } = fitted(canvas), ctx = canvas.getContext("2d"), shown = chart.over.filter((at) => at <= (chart.limit ?? Infinity)).length;
     ctx.setTransform(r, 0, 0, r, 0, 0); ctx.clearRect(0, 0, w, h);
     if (w) paintChart(ctx, { w: w - RIGHT, h }, { ...chart, shown: chart.lists.map((list) => list.slice(0, shown)) }, inks);
   });

@@ -12,7 +12,7 @@ const placed = (page) => page.look.cuts ??= { rows: [0.97, 0.82].map((part) => M
 
 /** The cuts of both answers at this generation, from one end of the axis to the other. */
 export function balanceOf(page) {
-  const { run, elastic: { answer } } = page, { pressure, displacement } = page.deformed();
+  const { run, elasticity: answer } = page, { pressure, displacement } = page.deformed();
   const rule = cutsOf(run, fieldsOf(run, pressure, displacement).along);
   if (answer) answer.cuts ??= cutsOf(run, fieldsOf(run, answer.stress.slice(0, run.lattice.dimension).map((s) => s.map((x) => -x)), answer.displacement).along);
   return rule.map((cut, i) => ({ ...cut, elastic: answer ? answer.cuts[i]?.carried ?? NaN : NaN }));
@@ -61,25 +61,25 @@ function paintBars(page, view, cuts, box, upright) {
 // ------------------------------------------------------------------------------------- the cards
 
 /** The free body at the chosen cut: what presses, what holds, what is missing. */
-function freeBody({ t }, { carried, needed }) {
+function freeBody({ t, ruleAlone }, { carried, needed }) {
   const arrow = (x, from, to, name, text) => [draw("path", { class: `arrow ${name}`, d: `M${x} ${from}V${to}m-6 ${to > from ? -7 : 7}l6 ${to > from ? 7 : -7}l6 ${to > from ? -7 : 7}` }), draw("text", { class: name, x: x + 10, y: (from + to) / 2 + 4 }, text)];
   const gap = needed - carried;
   return draw("svg", { class: "chart", viewBox: "0 0 340 132", role: "img", "aria-label": t("partAbove") }, ...arrow(120, 4, 38, "load", t("pressIt", { n: quantity(needed, "N") })),
     draw("rect", { class: "part", x: 30, y: 42, width: 180, height: 40, rx: 4 }), draw("text", { x: 120, y: 66, "text-anchor": "middle" }, t("partAbove")),
     ...arrow(46, 126, 88, "rule", t("holdIt", { n: quantity(carried, "N") })),
-    ...(Math.abs(gap) > SAME * Math.abs(needed) ? arrow(204, 126, 88, "bad", t(gap > 0 ? "missingIt" : "tooMuchIt", { n: quantity(Math.abs(gap), "N") })) : []));
+    ...(!ruleAlone && Math.abs(gap) > SAME * Math.abs(needed) ? arrow(204, 126, 88, "bad", t(gap > 0 ? "missingIt" : "tooMuchIt", { n: quantity(Math.abs(gap), "N") })) : []));
 }
 function cutCard(page, cuts) {
   const { t, run: { lattice: L }, scene } = page, { rows, chosen } = placed(page), { axis } = loadAxis(scene), cut = cuts.find(({ at }) => at === rows[chosen]);
   if (!cut) return [];
   const x = `${general(100 * L.h * (axis ? L.shape[1] - cut.at - 0.5 : cut.at + 0.5), 3)} cm`, big = (word, value, name) => make("div", { className: name }, t(word), make("b", { textContent: quantity(value, "N") }));
-  return [make("h2", { textContent: t("cutAtPlace", { x, side: t(axis ? "top" : "left"), n: cut.at }) }), make("div", { className: "pair" }, big("theRule", cut.carried, "rule"), big("elastic", cut.elastic, "elastic")),
+  return [make("h2", { textContent: t("cutAtPlace", { x, side: t(axis ? "top" : "left"), n: cut.at }) }), make("div", { className: "pair" }, big("theRule", cut.carried, "rule"), ...(page.ruleAlone ? [] : [big("elastic", cut.elastic, "elastic")])),
     Number.isNaN(cut.needed) ? make("p", { textContent: t("bothHeld") }) : freeBody(page, cut)];
 }
 /** On its way + ended + ground − made by the shares is what was put on, in every generation. */
 function whereCard(page) {
   const { t, run, g } = page, { ledger } = run;
-  if (!ledger) return [make("p", { textContent: t("onlyTwin") })];
+  if (!ledger) return [make("summary", { textContent: t("onlyTwin") })];
   const { applied, rows } = ledger, now = rows[g], parts = (row) => [["way", row.way], ["ended", row.ended], ["ground", row.ground], ["made", -row.made]], high = Math.max(...rows.slice(0, page.limit + 1).map((row) => parts(row).reduce((sum, [, v]) => sum + Math.max(0, v), 0)));
   const [w, h, x, y] = [340, 118, 40, 8], X = (i) => x + (w - x - 10) * i / Math.max(1, rows.length - 1), Y = (v) => y + (h - y - 22) * (1 - v / (high || 1)), shown = rows.slice(0, Math.min(rows.length, page.limit + 1)), areas = [];
   const below = shown.map(() => 0);
@@ -91,7 +91,7 @@ function whereCard(page) {
   const ticks = [...ticksOf(0, high, 2).map((v) => draw("text", { x: x - 4, y: Y(v) + 4, "text-anchor": "end" }, quantity(v, "N"))), ...ticksOf(0, rows.length - 1, 4).filter(Number.isInteger).map((i) => draw("text", { x: X(i), y: h - 4, "text-anchor": "middle" }, String(i)))];
   const words = { way: "onItsWay", ended: "itEnded", ground: "toGround", made: now.made > 0 ? "madeBy" : "lostBy" }, list = parts(now).filter(([name, v]) => name === "ground" || Math.abs(v) > SAME * applied);
   const { own, out } = page.deformable ? { own: run.transfer.shares[0].own, out: run.transfer.emitted[0] } : {}, kept = run.taken.value.subarray(0, run.taken.offset[g]).reduce((a, b) => a + b, 0) * own;
-  return [make("h2", { textContent: t("whereWent", { n: quantity(applied, "N") }) }), make("p", { className: "small soft", textContent: t("overGenerations") }),
+  return [make("summary", { textContent: t("whereWent", { n: quantity(applied, "N") }) }), make("p", { className: "small soft", textContent: t("overGenerations") }),
     draw("svg", { class: "chart where", viewBox: `0 0 ${w} ${h}`, role: "img", "aria-label": t("whereWent", { n: quantity(applied, "N") }) }, ...areas, draw("path", { class: "now", d: `M${X(g)} ${y}V${h - 20}` }), ...ticks),
     make("ul", { className: "where" }, ...list.map(([name, v]) => make("li", { className: name }, `${t(words[name])} `, make("data", { value: String(name === "made" ? -v : v), textContent: quantity(name === "made" ? Math.abs(v) : v, "N") }))), make("li", {}, t("wholeSum", { n: quantity(parts(now).reduce((sum, [, v]) => sum + v, 0), "N") }))),
     make("p", { className: "small soft", textContent: `${Math.abs(now.ground) > SAME * applied ? `${t("groundTwice")} ` : ""}${Math.min(now.way, now.ended, now.ground) < -SAME * applied ? `${t("belowZero")} ` : ""}${page.scene.materials.length === 1 ? t("squeezeApart", { n: quantity(kept, "N"), own: general(own, 3), out: general(out, 3) }) : ""}` })];
@@ -116,7 +116,7 @@ MODES.push({
   name: "cuts", letter: "c",
   offered: (page) => page.deformable && page.scene?.lattice.kind === "square" && page.run.taken && page.limit > 0,
   open(page) {
-    page.cutCards = Array.from({ length: 3 }, () => make("section", { className: "card" }));
+    page.cutCards = ["section", "section", "details"].map((tag) => make(tag, { className: "card" }));   // one sum of forces at a time: that of the cut
     page.cutCards[1].classList.add("warn");
     if (page.solvable) askElastic(page);
   },
@@ -135,7 +135,7 @@ MODES.push({
     if (cuts.length) paintBars(page, page.view, cuts, upright ? { x: w - side + 20, w: side - 48, y: 0, h } : { x: 0, w, y: h - side + 24, h: side - 44 }, upright);
     const kept = cuts.every(({ carried, needed }) => Number.isNaN(needed) || Math.abs(carried - needed) <= 1e-9 * Math.abs(needed));
     const [cut, say, where] = page.cutCards, { rows, chosen } = placed(page), read = cuts.find(({ at }) => at === rows[chosen]);
-    if (read) page.parts.cap.textContent = page.told || `${t("rowOf", { n: read.at })}: ${t("theRule")} ${quantity(read.carried, "N")}, ${t("elastic")} ${quantity(read.elastic, "N")}`;
+    if (read) page.parts.cap.textContent = page.told || `${t("rowOf", { n: read.at })}: ${t("theRule")} ${quantity(read.carried, "N")}${page.ruleAlone ? "" : `, ${t("elastic")} ${quantity(read.elastic, "N")}`}`;
     say.replaceChildren(make("p", { textContent: t(kept ? "isBalanced" : "noBalance") })); say.hidden = Boolean(page.lesson) && page.lesson.step !== "try";   // it would answer what is asked before
     cut.replaceChildren(...cutCard(page, cuts));
     if (!page.playing) where.replaceChildren(...whereCard(page));

@@ -9,8 +9,8 @@ export const STEPS = ["predict", "step", "explain", "try"];
 const MOST_LETTERS = 2000, SMALL = 4;              // of an answer; so many generations have a small picture
 
 export class Lesson {
-  constructor(page, { key, minutes, age, index, opens, questions, teacher, presets }) {
-    Object.assign(this, { page, key, minutes, age, index, opens, was: opens ?? 0, notes: teacher, questions: questions ?? [], answers: {}, guesses: {}, firsts: {}, done: [], at: -1, step: "predict", teacher: false, shown: "guess", pen: 1 });
+  constructor(page, { key, index, opens, curves, questions, teacher, presets }) {
+    Object.assign(this, { page, key, minutes: (questions ?? []).reduce((sum, q) => sum + (q.minutes ?? 0), 0), index, opens, curves, was: opens ?? 0, notes: teacher, questions: questions ?? [], answers: {}, guesses: {}, firsts: {}, done: [], at: -1, step: "predict", teacher: false, shown: "guess", pen: 1 });
     (presets ?? []).forEach((names, n) => { if (page.presets[n]) Object.assign(page.presets[n], { ...names, word: "" }); });
     this.read();
     addEventListener("storage", ({ key }) => { if (key === this.place) { this.read(); page.rebuild(); } });   // answers typed in another page of the lesson
@@ -35,9 +35,18 @@ export class Lesson {
 
   get question() { return this.questions[this.at]; }
   of(step) { return this.questions.filter((q) => q.step === step); }
-  answered(q) { return q.kind === "number" ? q.fields.every((_, i) => this.answers[q.key]?.[i]?.trim()) : Boolean(this.answers[q.key]?.trim()); }
+  /** What of a question is still to be filled in or ticked, in its own words. */
+  missing(q) {
+    const { page, page: { t } } = this, given = [this.answers[q.key] ?? ""].flat(), ticked = Object.values(this.guesses[q.key] ?? {});
+    if (q.kind === "cells") return Array.from({ length: q.until }, (_, i) => i + 1).filter((g) => !ticked.includes(g)).map((g) => t("generationOnly", { g }));
+    const words = q.kind === "number" && !q.lines ? [] : [page.say(q.write) || t("yourAnswer")];
+    return [...(q.fields ?? []).map(({ label }) => page.say(label)), ...words].filter((_, i) => !given[i]?.trim());
+  }
+  answered(q) { return !this.missing(q).length; }
+  /** Whether a guess has been made: all of it, but of cells one is enough. */
+  guessed(q) { return q.kind === "cells" ? Object.keys(this.guesses[q.key] ?? {}).length > 0 : this.answered(q); }
   /** The last generation that is open: none before a guess, then the question's, all where it is answered. */
-  get limit() { const { question: q } = this; return this.teacher || q?.until === undefined || (q.kind !== "cells" && this.answered(q)) ? Infinity : q.kind === "cells" && !this.isDone(q) ? 0 : q.until; }
+  get limit() { const { question: q } = this; return this.teacher || q?.until === undefined || (q.kind !== "cells" && this.answered(q)) ? Infinity : q.kind === "cells" && !this.guessed(q) ? 0 : q.until; }
   /** Whether a guess is still to be made: what would give it away is not shown. */
   get secret() { return this.hidden && this.page.g === 0; }
   /** Which way of looking a question asks for. */
@@ -51,14 +60,20 @@ export class Lesson {
   }
   /** Open a step that a reader asks for: who has not guessed yet guesses first. */
   enter(n) {
-    const open = this.of("predict").find((q) => (q.kind === "cells" ? !this.isDone(q) : !this.answered(q)));
+    const open = this.of("predict").find((q) => !this.guessed(q));
     if (n && open && !this.teacher) { this.go(this.questions.indexOf(open)); this.ask(); } else this.open(n);
   }
-  /** Say that the question is to be answered first, beside the field that waits. */
-  ask() {
-    const { page, saved } = this;
-    Object.assign(saved, { textContent: page.t("answerFirst"), className: "saved bad" }).scrollIntoView({ block: "nearest" });
-    if (this.question.kind !== "cells") page.root.querySelector("aside textarea, aside input.field")?.focus({ preventScroll: true });
+  /** Say what is still to be answered, beside the field that waits. */
+  ask(word = "answerFirst") {
+    const { page, saved, question: q } = this, fields = [...page.root.querySelectorAll("aside .question ~ textarea, aside .question ~ .fields .field")];
+    Object.assign(saved, { textContent: page.t(word, { x: this.missing(q).join(" · ") }), className: "saved bad" }).scrollIntoView({ block: "nearest" });
+    if (q.kind !== "cells") fields.find(({ value }) => !value.trim())?.focus({ preventScroll: true });
+  }
+  /** On from a question; who has left something open hears of it first. */
+  leave(go) {
+    const { question: q, teacher } = this;
+    if (!q || teacher || this.asked === q || this.answered(q) || (q.step === "predict" && !this.guessed(q))) { go(); return; }
+    this.asked = q; this.ask("stillOpen");
   }
   go(at, quiet = false) {
     const { page } = this;
@@ -76,23 +91,20 @@ export class Lesson {
     if (page.host) { page.root.querySelector("aside .body")?.scrollTo?.(0, 0); }
   }
   get next() {
-    const own = this.of(this.step), more = this.question && own[own.indexOf(this.question) + 1], step = STEPS.indexOf(this.step) + 1;
+    const own = this.of(this.step), more = this.question && own[own.indexOf(this.question) + 1], step = STEPS.indexOf(this.step) + 1, last = step === STEPS.length;
     if (more) return { word: "nextQuestion", go: () => this.go(this.questions.indexOf(more)) };
-    return step < STEPS.length ? { step, word: "nextStep", go: () => this.finish(step) } : null;
+    return last && !this.index ? null : { step, word: last ? "lessons" : "nextStep", go: () => { this.finish(); if (last) location.href = this.index; else this.enter(step); } };
   }
   get back() {
     const own = this.of(this.step), n = own.indexOf(this.question), step = STEPS.indexOf(this.step) - 1;
     if (n > 0) return () => this.go(this.questions.indexOf(own[n - 1]));
     return step >= 0 ? () => this.open(step) : null;
   }
-  /** Whether a question is done: ticked, written, or right. */
-  isDone(q) {
-    if (q.kind === "cells") return Object.keys(this.guesses[q.key] ?? {}).length > 0;
-    return q.kind === "number" && q.step !== "predict" ? q.fields.every((field, i) => isRight(field, numberIn(this.answers[q.key]?.[i] ?? "", this.page.say(field.unit) ?? ""))) : this.answered(q);
-  }
-  finish(step) {
+  /** Whether a question is done: whole, and its numbers are right. */
+  isDone(q) { return this.answered(q) && (q.kind !== "number" || q.step === "predict" || q.fields.every((field, i) => isRight(field, numberIn(this.answers[q.key][i], this.page.say(field.unit) ?? "")))); }
+  finish() {
     this.done = [...this.done.filter((name) => name !== this.step), ...(this.of(this.step).every((q) => this.isDone(q)) ? [this.step] : [])];
-    if (this.kept) this.keep(); this.enter(step);
+    if (this.kept) this.keep();
   }
   answer(q, value, field) {
     this.answers[q.key] = field === undefined ? value : Object.assign([...(this.answers[q.key] ?? q.fields.map(() => ""))], { [field]: value });
@@ -147,7 +159,7 @@ export class Lesson {
 }
 
 /** What was typed as a number in a unit, "α₂ = " or *row* before it or not; of what has none, 1/2 and 50 % are 0.5, and a word may say what is counted. */
-const numberIn = (typed, unit, text = typed.replace(/^[^=]*=|^\s*\p{L}{3,}\s+|^\s*[^\x00-\x7f]+(?=\d)/u, ""), [, a, b] = (!unit && text.replaceAll(",", ".").match(/^\s*([\d.]+)\s*(?:[/⁄:]\s*([\d.]+)|[%％])\s*$/)) || []) => (a ? a / (b ?? 100) : numberOf(unit ? text.replace(/newtons?$/i, "N") : text.trim().replace(/(\d)\s*(\p{L}{3,}|[^\x00-\x7f]+)$/u, "$1"), unit));
+const numberIn = (typed, unit, text = typed.replace(/^[^=]*=|^\s*\p{L}{3,}\s+|^\s*[^\x00-\x7f]+(?=\d)/u, ""), [, a, b] = (!unit && text.replaceAll(",", ".").match(/^\s*([\d.]+)\s*(?:[/⁄:]\s*([\d.]+)|[%％])\s*$/)) || []) => (a ? a / (b ?? 100) : numberOf(unit ? text.replace(/newtons?$/i, "N").replace(/N\/mm[²2]$/, "MPa") : text.trim().replace(/(\d)\s*(\p{L}{3,}|[^\x00-\x7f]+)$/u, "$1"), unit));
 const isRight = ({ answer, tolerance = 0 }, v) => Math.abs(v - answer) <= tolerance * (1 + 1e-9) + 1e-12 * Math.abs(answer);
 const awakeAt = ({ run: { spawn, lattice } }, g) => Float64Array.from({ length: lattice.size }, (_, k) => (spawn[k] > 0 && spawn[k] <= g ? 1 : NaN));
 
@@ -241,21 +253,22 @@ export function lessonSide(page) {
   tabs.classList.add("steps");
   STEPS.forEach((name, i) => { if (lesson.done.includes(name)) tabs.children[i].classList.add("done"); });
   const panel = make("div", { role: "tabpanel", id: `panel-${lesson.step}`, ariaLabel: t(`step_${lesson.step}`) }, ...(q ? questionCards(lesson, q) : []), ...stepCards(page));
-  const teacher = tick(t("teacher"), lesson.teacher, (on) => { lesson.teacher = on; page.rebuild(); }, { role: "switch", className: "switch" });
-  teacher.append(make("small", { textContent: t(lesson.teacher ? "answersShown" : "answersHidden") }));
+  const teacher = tick(t(lesson.teacher ? "answersShown" : "answersHidden"), lesson.teacher, (on) => { lesson.teacher = on; page.rebuild(); }, { role: "switch", className: "switch", ariaLabel: t("teacher") });
   const notes = lesson.teacher && lesson.notes ? [make("div", { className: "card answer" }, rendered(page.say(lesson.notes)))] : [];
   const { back, next } = lesson, foot = [make("div", { className: "ends" }, ...(back ? [button(t("backOne"), back)] : []),
-    button("", () => worksheet(page), { title: t("worksheet"), ariaLabel: t("worksheet"), className: "icon" }), make("span", { className: "push" }),
-    ...(next ? [button(t(next.word, { step: next.step ? t(`step_${STEPS[next.step]}`) : "" }), next.go, { className: "main" })] : lesson.index ? [button(t("lessons"), () => { location.href = lesson.index; }, { className: "main" })] : []))];
+    button("", () => print(), { title: t("worksheet"), ariaLabel: t("worksheet"), className: "icon" }), make("span", { className: "push" }),
+    ...(next ? [button(t(next.word, { step: STEPS[next.step] ? t(`step_${STEPS[next.step]}`) : "" }), () => lesson.leave(next.go), { className: "main" })] : []))];
   foot[0].querySelector(".icon").append(icon("print"), make("span", { className: "wide", textContent: t("worksheet") }));
-  return { tabs, body: [panel, ...notes, make("div", { className: "card teach" }, teacher, button(t("forget"), ({ target }) => { if (target.textContent === t("forgetSure")) lesson.forget(); else target.textContent = t("forgetSure"); }, { className: "small" }))], foot };
+  return { tabs, body: [panel, ...notes, make("details", { className: "card teach", open: lesson.teacher }, make("summary", { textContent: t("teacher") }), teacher, button(t("forget"), ({ target }) => { if (target.textContent === t("forgetSure")) lesson.forget(); else target.textContent = t("forgetSure"); }, { className: "small" }))], foot };
 }
 
 function questionCards(lesson, q) {
-  const { page } = lesson, { t } = page, own = lesson.of(lesson.step), say = (text) => page.say(text);
-  const head = make("p", { className: "soft small" }, icon("clock"), t("questionOf", { n: own.indexOf(q) + 1, m: own.length, t: q.minutes ?? "–" }));
+  const { page } = lesson, { t } = page, say = (text) => page.say(text);
+  const head = make("p", { className: "soft small" }, icon("clock"), t("questionOf", { n: lesson.at + 1, m: lesson.questions.length, t: q.minutes ?? "–" }));
   const list = [head, make("h2", { className: "question" }, ...inline(say(q.question)))];
   if (q.note) list.push(rendered(say(q.note)));
+  const [guess] = lesson.questions, said = [lesson.answers[guess.key] ?? []].flat().join(", ");
+  if (q.recalls && said) list.push(make("p", { className: "recalled", textContent: t("youGuessed", { x: `${said} ${say(guess.fields?.[0].unit) ?? ""}` }) }));
   if (q.kind === "cells") list.push(...guessCards(lesson, q));
   lesson.saved = make("small", { className: `saved${lesson.keeps ? "" : " bad"}`, role: "status", textContent: lesson.told });
   if (q.kind === "number") list.push(make("div", { className: q.fields.length % 2 || q.fields.length > 6 ? "fields" : "fields pairs" }, ...q.fields.map((field, i) => numberCard(lesson, q, field, i))), ...(q.lines ? textCard(lesson, q, q.fields.length) : []), lesson.saved);
@@ -267,18 +280,18 @@ function questionCards(lesson, q) {
 
 /** A field for words; `i`: behind so many numbers. */
 function textCard(lesson, q, i) {
-  const { page: { t } } = lesson, given = lesson.answers[q.key], label = q.kind === "cells" ? t("surprise") : t("yourAnswer");
+  const { page, page: { t } } = lesson, given = lesson.answers[q.key], own = q.kind === "cells" ? t("surprise") : page.say(q.write), label = own || t("yourAnswer");
   const area = make("textarea", { rows: Math.min(6, q.lines ?? 3), maxLength: MOST_LETTERS, placeholder: t(q.draws ? "drawOrSay" : "yourAnswer"), value: (i === undefined ? given : given?.[i]) ?? "", ariaLabel: label });
   area.oninput = () => lesson.answer(q, area.value, i);
-  return [...(q.kind === "cells" ? [make("h3", { textContent: label })] : []), area];
+  return [...(own ? [make("h3", {}, ...inline(own))] : []), area];
 }
 
 function numberCard(lesson, q, field, i) {
   const { page } = lesson, { t } = page, label = page.say(field.label) ?? "", unit = page.say(field.unit) ?? "", asked = page.say(field.read_in) || unit, verdict = make("small", { role: "status" });
   const input = make("input", { type: "text", inputMode: "decimal", className: "field", value: lesson.answers[q.key]?.[i] ?? "", ariaLabel: `${label} ${unit}`.trim() || t("yourAnswer"), autocomplete: "off" });
   const judge = () => {
-    const text = input.value.trim(), v = numberIn(text, unit), right = isRight(field, v), digits = text.replace(/^[^=]*=|\D*$/g, "").replace(/^[\s0.,−-]+|\D/g, "").length, near = digits > 1 && Number(field.answer.toPrecision(digits)) === v;   // rounded well, but too far; a single digit says too little
-    verdict.textContent = !text ? "" : Number.isNaN(v) ? t(!/\d/.test(text) ? "noNumber" : asked ? "notIn" : "bareNumber", { u: asked }) : q.step === "predict" ? "" : right ? t("correct") : near ? t("moreDigits") : t("lookAgain", { x: page.say(field.look) ?? t("thePicture") });
+    const text = input.value.trim(), v = numberIn(text, unit), right = isRight(field, v), digits = text.replace(/^[^=]*=|\D*$/g, "").replace(/^[\s0.,−-]+|\D/g, ""), near = Math.abs(v - field.answer) < Math.abs(v) / Number(digits);   // rounded or cut well, but too far: a step of its last digit
+    verdict.textContent = !text ? "" : Number.isNaN(v) ? t(!/\d/.test(text) ? "noNumber" : asked && /\p{L}/u.test(text) ? "notIn" : "bareNumber", { u: asked }) : q.step === "predict" ? "" : right ? t("correct") : near ? t(digits.length > 1 ? "moreDigits" : "oneDigit") : t("lookAgain", { x: page.say(field.look) || label || t("thePicture") });
     verdict.className = right ? "right" : "soft";
     if (right && q.step !== "predict") verdict.prepend(icon("tick"));
   };
@@ -304,20 +317,14 @@ function stepCards(page) {
   if (lesson.step === "predict") return lesson.secret ? [] : [...about, ...cards];
   parts.presets = page.presets.map((preset) => button(page.nameOf(preset), () => { page.load(preset); page.seek(Math.min(lesson.question?.show?.generation ?? 0, lesson.limit)); }));
   const tries = touchable && page.presets.length > 1 ? [make("div", { className: "presets" }, ...page.presets.map((preset, n) => make("div", {}, parts.presets[n], ...(page.say(preset.note) ? [rendered(page.say(preset.note))] : []))))] : [];
-  const { rule: typed, sentence } = lesson.question?.show ?? {}, few = () => fold(t("rule"), rulePanel(page, true), true), read = typed || !touchable ? charts.splice(0) : [];   // below a question stands what is asked for
-  const near = [...(sentence ? [parts.verdict] : []), ...(typed || sentence ? [few()] : []), ...(typed ? read.splice(0) : [])], first = [...near, ...tries, ...code, ...cards, ...read, ...story, ...about];
-  if (lesson.step === "step") return [...first, ...(touchable && !near.length && !page.studio ? [few()] : []), look];
+  const { rule: typed, sentence } = lesson.question?.show ?? {}, few = (open) => fold(t("rule"), rulePanel(page, true), open), read = typed || !touchable ? charts.splice(0) : [];   // below a question stands what is asked for
+  const near = [...(sentence ? [parts.verdict] : []), ...(typed || sentence ? [few(true)] : []), ...(typed ? read.splice(0) : [])], first = [...near, ...tries, ...code, ...cards, ...read, ...story, ...about];
+  if (lesson.step === "step") return [...first, ...(touchable && !near.length && !page.studio ? [few(false)] : []), look];
   const rest = lesson.step === "try" ? ["rule", "draw"].filter((name) => panels[name] && (name === "draw" || !near.length)).map((name) => fold(t(name), panels[name]())) : [];
   return [...first, ...(free && !sentence ? [parts.verdict] : []), ...rest, ...charts, look];
 }
 
 // ----------------------------------------------------------------------------------- on paper
-
-/** Lay the sheet out and print it. */
-export function worksheet(page) {
-  laySheet(page);
-  print();
-}
 
 /** The sheet stands beside the page and is seen on paper only. */
 export function laySheet(page) {
@@ -350,7 +357,7 @@ function answerOf(page, q) {
   const { lesson, t } = page, given = lesson.answers[q.key], lines = (n) => Array.from({ length: n }, () => make("div", { className: "ruled" }));
   const written = q.kind === "number" ? given?.[q.fields.length] : given, text = written?.trim() ? [make("p", { className: "given", textContent: written })] : null;
   if (q.kind === "number") return [make("table", {}, make("tr", {}, ...q.fields.map((f) => make("th", {}, page.say(f.label) ?? ""))),
-    make("tr", {}, ...q.fields.map((f, i) => make("td", {}, make("em", { textContent: given?.[i] ?? "" }), ` ${page.say(f.unit) ?? ""}`)))), ...(q.draws ? [axes()] : []), ...(q.lines ? text ?? lines(q.lines) : [])];
+    make("tr", {}, ...q.fields.map((f, i) => make("td", {}, make("em", { textContent: given?.[i] ?? "" }), ` ${page.say(f.unit) ?? ""}`)))), ...(q.draws ? [axes()] : []), ...(q.write ? [make("p", {}, ...inline(page.say(q.write)))] : []), ...(q.lines ? text ?? lines(q.lines) : [])];
   if (q.draws) return [bodyOf(page), ...(text ?? lines(1))];
   if (q.kind !== "cells" || page.run.lattice?.dimension !== 2) return text ?? lines(q.lines ?? 3);
   const guess = lesson.guesses[q.key] ?? {}, first = lesson.firsts[q.key], spawned = {};

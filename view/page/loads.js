@@ -75,12 +75,12 @@ export class Loads {
     if (hold?.ghost) this.paintGhost(view, hold);
   }
   /** An arrow's number beside it, or above if it lies: where it meets none of the boxes that other arrows and numbers have taken. */
-  label({ ctx, w }, { size, tail: [x, y], dx, dy, length }, own, taken) {
+  label({ ctx, w }, { size, tail: [x, y], dx, dy, length, pulls }, own, taken) {
     const { inks } = this.page, text = quantity(size < 1e-6 * this.strongest ? 0 : Number(size.toPrecision(4)), "N"), font = `600 ${FONT.replace("12px", "14px")}`;
     ctx.font = font;
     const wide = ctx.measureText(text).width, mx = x + dx * length * 0.4, lies = Math.abs(dx) > Math.abs(dy), my = y + dy * length * 0.4 - (lies ? 14 : 0);
     const meet = ([l, b, r, t], other) => l - 6 < other[2] && r + 6 > other[0] && b < other[3] && t > other[1];
-    const box = (lies ? [mx - wide / 2] : [mx + 11, mx - 11 - wide]).map((left) => [left, my - 8, left + wide, my + 8]).find((one) => one[0] > 4 && one[2] < w - 4 && !taken.some((other, n) => n !== own && meet(one, other)));
+    const box = (lies ? [(pulls ? x : x + dx * length) - (pulls === dx < 0 ? wide + 4 : -4), mx - wide / 2] : [mx + 11, mx - 11 - wide]).map((left) => [left, my - 8, left + wide, my + 8]).find((one) => one[0] > 4 && one[2] < w - 4 && !taken.some((other, n) => n !== own && meet(one, other)));
     if (!box) return;
     taken.push(box); paintWord(ctx, text, box[0], my, inks.load, inks, { font });
   }

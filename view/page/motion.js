@@ -23,7 +23,7 @@ export class MotionPage extends Page {
     this.run = { generation: at.length - 1, atRest: true };
     this.sums = {}; this.scales = new Map();
     this.frame();
-    if (lesson && born) this.look.deformed = false;
+    if (lesson && (born || along === "share")) this.look.deformed = false;
     this.shares = shares;                         // of the forces, by frame; none: all act throughout
     this.whole = forces.map(({ place, force, wide }) => ({ cell: place.map((p, a) => (p - this.low[a]) / this.unit - 0.5), force, wide: wide / this.unit, near: this.nearest(place) }));
     for (const load of this.whole) load.out = load.force.some((x, a) => (x > 0.9 * Math.hypot(...load.force) && load.cell[a] + 0.5 > this.run.lattice.shape[a] - this.edge - 0.01) || (x < -0.9 * Math.hypot(...load.force) && load.cell[a] + 0.5 < this.edge + 0.01));   // out of the box round the body
@@ -157,7 +157,7 @@ export class MotionPage extends Page {
   /** Squares, hexagons, diamonds: 80,000 of them, so nothing is made for each. */
   fillFlat({ r, u, x0, y0 }, ink, px, py) {
     const { corners, parts, points, low, unit, times, each, count } = this, moved = times ? this.moved[this.g] : null;
-    if (moved) this.view.rim = 1.2;               // parts that slide a little past each other still have a line between them
+    this.view.rim = this.born && this.lesson?.secret ? 0 : moved ? 1.2 : 1;   // sizes are guessed first; parts that slide a little past each other still have a line between them
     for (let part = 0; part < count; part++) {
       if (!this.there(part)) continue;
       for (let i = 0; i < corners; i++) {
@@ -218,7 +218,7 @@ export class MotionPage extends Page {
     const { t, g, run, along, at } = this, shares = along === "stage" && at.at(-1) === 1 && at.length > 2, counts = along !== "s" && at.at(-1) === run.generation;
     const moment = () => (counts ? t(`along_${along}`) : `${t(`along_${shares ? "share" : along}`)} ${quantity(at[g], "")} ·`);   // of what is counted once is enough
     this.tellTime(along === "s" ? `${t("time")} ${quantity(at[g], "s")}` : `${moment()} ${t("moment", { g, n: run.generation })}`);
-    this.parts.verdict.hidden = !this.outcome || (this.along !== "share" && g < run.generation) || this.limit < run.generation;   // how it ended is told at the end
+    this.parts.verdict.hidden = !this.outcome || (this.along === "share" ? this.lesson : g < run.generation) || this.limit < run.generation;   // how it ended is told at the end, but no lesson's number
     this.tell();
     this.drawCurves();
   }
@@ -227,7 +227,7 @@ export class MotionPage extends Page {
     if (picked < 0 || !this.there(picked)) { parts.story.replaceChildren(make("p", { textContent: t(this.corners === 2 ? (this.along === "s" ? "pickRod" : "pickSpring") : this.born ? "pickAgent" : "pickPart") })); return; }
     const row = (word, value, unit) => [make("dt", { textContent: word }), make("dd", {}, make("data", { value: String(value), textContent: quantity(value, unit) }))];
     const known = (name) => (name === "move" && this.born ? this.moved[this.g].some(Boolean) : !Number.isNaN(this.value(picked, name)));   // generations before the last tell less
-    const rows = this.colours.filter(known).flatMap((name) => row(this.word(name), this.value(picked, name), this.unitOf(name)));
+    const rows = (this.lesson && this.born ? [this.look.colour] : this.colours).filter(known).flatMap((name) => row(this.word(name), this.value(picked, name), this.unitOf(name)));
     if (this.born && !this.fields.spawn_step) rows.push(make("dt", { textContent: t("woken") }), make("dd", {}, `${t(`along_${this.along}`)} `, make("data", { value: String(this.born[picked]), textContent: String(this.born[picked]) })));
     parts.story.replaceChildren(make("b", { textContent: this.born ? `${t("agent")} ${picked}` : t(this.corners > 2 ? "part" : this.along === "s" ? "rod" : "spring", { n: picked }) }), make("dl", {}, ...rows));
   }
@@ -235,9 +235,10 @@ export class MotionPage extends Page {
     const { parts: { charts: box }, curveList, inks, at, g, t } = this, named = (of) => of.split(": ").map((part) => t(`curve_${part}`, { otherwise: part })).join(": ");
     box.hidden = !curveList.length;
     if (!box.isConnected) return;
-    const most = (list) => Math.max(...list.map(Math.abs)), shown = (lines, all = Object.entries(lines)) => all.filter(([, list]) => all.length < 4 || most(list) > 0.01 * Math.max(...Object.values(lines).map(most)));   // of many, those that are not nothing
-    paintGrid(box, curveList.slice(0, 6).map(({ title, unit, at: over, axis, lines, logarithmic, course, bars, place }) =>
-      ({ word: named(title), unit, over, lists: shown(lines).map(([, list]) => list), names: shown(lines).map(([name]) => named(name)), now: place ? null : at[g], log: logarithmic, course, bars, axis })), inks);
+    const { lesson } = this, seen = this.seen = Math.max(this.seen ?? 0, g), limit = lesson?.step !== "step" || lesson.teacher ? Infinity : at[seen];   // what a lesson lets read is played first
+    const list = lesson?.curves ? lesson.curves.map((name) => curveList.find(({ title }) => title.startsWith(name))) : curveList.slice(0, 6), most = (list) => Math.max(...list.map(Math.abs)), shown = (lines, all = Object.entries(lines)) => all.filter(([, list]) => all.length < 4 || most(list) > 0.01 * Math.max(...Object.values(lines).map(most)));   // of many, those that are not nothing
+    paintGrid(box, list.map(({ title, unit, at: over, axis, lines, logarithmic, course, bars, place }) =>
+      ({ word: named(title), unit, over, lists: shown(lines).map(([, list]) => list), names: shown(lines).map(([name]) => named(name)), now: place ? null : at[g], log: logarithmic, course, bars, axis, limit: place && limit < at.at(-1) ? -Infinity : limit })), inks);
   }
   seekChart(event) {
     const { curveList, at } = this;

@@ -66,6 +66,9 @@ export class Page {
   get mode() { return offered(this).find((mode) => mode.name === this.look.mode); }
   /** How far the page may show: in a lesson no further than the question has got. */
   get limit() { return this.lesson?.limit ?? Infinity; }
+  /** Whether a question asks for the rule alone: what elasticity answers is asked for later. */
+  get ruleAlone() { return Boolean(this.lesson?.question?.show?.alone && !this.lesson.teacher); }
+  get elasticity() { return this.ruleAlone ? null : this.elastic.answer; }
   get touchable() { return this.kind === "runnable"; }
   get solid() { return this.run.lattice.dimension === 3; }
   word(key) { return key.startsWith("state ") ? this.say(this.run.states.find(([name]) => `state ${name}` === key)?.[1] ?? "") : this.t(key); }
@@ -168,6 +171,7 @@ export class Page {
   tellVerdict(text, stable) {
     const { verdict } = this.parts;
     text = text.replace(" (accumulate = false)", "");    // an option's name is for those who program
+    if (text && !this.lesson && this.deformable) text += `\n${this.t("keepsNone")}`;   // that all ends is not that all is well
     verdict.textContent = text; verdict.hidden = !text || this.limit < this.run.generation;   // it would give an answer away
     verdict.classList.toggle("bad", stable === false);
     verdict.classList.toggle("open", stable === null);   // nobody knows
@@ -307,7 +311,7 @@ export class Page {
     if (part.window) view.ctx.clearRect(0, view.h - 52, view.w, 52);
     if (!box.w && !this.lesson?.secret) paintLegend(view, scale, this.word(look.colour), t(scale.log ? "log" : "linear"), (v) => quantity(v, UNITS[look.colour]), inks);
     const scaled = moved ? t("magnified", { n: quantity(factor, "") }) : run.grown && this.g >= run.generation ? t("grown") : run.atRest && !run.generation ? t("nothing") : "";
-    const ruled = this.deformable && !box.w && (moved || !this.lesson) ? t("keepsNone") : "";   // beside cuts a card says so
+    const ruled = this.deformable && !box.w && moved ? t("keepsNone") : "";   // beside cuts a card says so
     const sensed = look.arrows && !box.w && run.C > L.D ? t("arrowKey") : "";
     const read = this.picked >= 0 && storyOf(this, this.picked), took = read ? `(${read.cell.join(", ")}): ${t("took")} ${quantity(read.total, "N")}` : "", asked = this.lesson?.question?.show?.rule ? `${t("agents")}: ${run.alive[this.g - 1] ?? 0}` : "";   // on a phone the panel is a long way down
     this.parts.cap.textContent = this.told || [asked, took, scaled, ruled, sensed].filter(Boolean).join(" · ");
@@ -322,7 +326,7 @@ export class Page {
     this.charted = at;
     if (this.curves?.length !== run.generation) this.curves = { length: run.generation, list: curvesOf(run) };
     const over = run.alive.map((_, i) => i + 1);
-    paintGrid(parts.charts, this.curves.list.map(([word, unit, lists, names]) => ({ word: t(word), unit, over, lists, names: names.map(t), now: g || null })), this.inks, this.limit);
+    paintGrid(parts.charts, this.curves.list.map(([word, unit, lists, names]) => ({ word: t(word), unit, over, lists, names: names.map(t), now: g || null, limit: this.limit })), this.inks);
   }
   /** Where the page stands, at the timeline and the button. */
   tellTime(text) {

@@ -49,7 +49,7 @@ export function buildBar(page) {
 export function buildFooter(page) {
   const { t, parts } = page;
   parts.play = make("button", { type: "button", className: "play main", onclick: () => page.toggle() });
-  parts.time = make("input", { type: "range", min: 0, step: 1, ariaLabel: t("timeline"), oninput: () => page.seek(Number(parts.time.value)) });
+  parts.time = make("input", { type: "range", min: 0, step: 1, ariaLabel: t(page.along ? { s: "time" }[page.along] ?? `along_${page.along}` : "timeline"), oninput: () => page.seek(Number(parts.time.value)) });
   parts.marks = make("div", { className: "marks", ariaHidden: "true" });
   parts.count = make("span", { className: "count" });
   const footer = make("footer", {}, iconButton("first", t("first"), () => page.seek(0), { className: "icon end" }), iconButton("back", t("back"), () => page.seek(page.g - 1)),

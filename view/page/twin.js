@@ -13,7 +13,7 @@ const settings = ({ look }) => (look.twin?.layout ? look.twin : (look.twin = { s
 
 /** Both answers at this generation, and the ends and the magnification that both are drawn with. */
 export function bothOf(page, show = settings(page).show) {
-  const { run, elastic, look } = page, { answer } = elastic, L = run.lattice, unit = BOTH[show];
+  const { run, look } = page, { elasticity: answer } = page, L = run.lattice, unit = BOTH[show];
   const ruled = () => fieldsOf(run, page.deformed().pressure, page.deformed().displacement);
   if (answer) answer.fields ??= fieldsOf(run, answer.stress.slice(0, L.dimension).map((s) => s.map((x) => -x)), answer.displacement);
   if (!page.scales.has("twin")) {              // from the end of the run, so that generations compare
@@ -100,11 +100,11 @@ function profileChart(page, both, { at, rule, elastic }) {
 function rulerCard(page, both) {
   const { t, look: { twin: { ruler } }, run: { lattice: { h, shape } } } = page, profile = profileOf(page, both), { rule, elastic } = profile;
   const title = t(ruler.axis ? "columnAt" : "rowAt", { x: `${general(100 * h * (ruler.axis ? ruler.at + 0.5 : shape[1] - ruler.at - 0.5), 3)} cm`, n: ruler.axis ? ruler.at + 1 : shape[1] - ruler.at, side: t(ruler.axis ? "left" : "top") });
-  const wide = (half) => (half ? `${general(100 * half.width, 3)} cm (${t("inCells", { n: general(half.width / h, 3) })})` : t("widest")), cells = (show) => [rule, elastic].map((one, n) => make("td", { className: n ? "elastic" : "rule", textContent: one ? show(one) : "–" }));
-  const row = (word, show) => make("tr", {}, make("th", { scope: "row", textContent: t(word) }), ...cells(show));
-  const table = make("table", {}, make("tr", {}, make("td"), make("th", { scope: "col", className: "rule", textContent: t("theRule") }), make("th", { scope: "col", className: "elastic", textContent: t("elastic") })),
+  const wide = (half) => (half ? `${general(100 * half.width, 3)} cm (${t("inCells", { n: general(half.width / h, 3) })})` : t("widest")), known = [["theRule", "rule", rule], ["elastic", "elastic", elastic]].filter(([, , one]) => one);
+  const row = (word, show) => make("tr", {}, make("th", { scope: "row", textContent: t(word) }), ...known.map(([, className, one]) => make("td", { className, textContent: show(one) })));
+  const table = make("table", {}, make("tr", {}, make("td"), ...known.map(([word, className]) => make("th", { scope: "col", className, textContent: t(word) }))),
     row("largestValue", (one) => quantity(one.largest, both.unit)), row("halfWidth", (one) => wide(one.half)), ...(rule.through === null ? [] : [row("throughIt", (one) => quantity(one.through, "N"))]));
-  page.ruled = `${title} · ${t("halfWidth")}: ${[["theRule", rule], ["elastic", elastic]].filter(([, one]) => one).map(([word, one]) => `${t(word)} ${one.half ? t("inCells", { n: general(one.half.width / h, 3) }) : "–"}`).join(", ")}`;
+  page.ruled = `${title} · ${t("halfWidth")}: ${known.map(([word, , one]) => `${t(word)} ${one.half ? t("inCells", { n: general(one.half.width / h, 3) }) : "–"}`).join(", ")}`;
   return [make("h2", { textContent: title }), table, profileChart(page, both, profile)];
 }
 /** Its buttons stand beside what every picture writes anew: a click on what is replaced would be lost. */
@@ -117,10 +117,10 @@ function rulerTools(page) {
 // --------------------------------------------------------------------------------------- mode
 
 function numbersCard(page, both, k) {
-  const { t, run: { lattice: L, kinds }, elastic: { answer, why, old } } = page, lines = [];
+  const { t, run: { lattice: L, kinds }, elastic: { why, old }, elasticity: answer } = page, lines = [];
   if (k >= 0 && kinds[k] >= 0) lines.push(`${t("cellOf", { c: `(${L.cell(k).join(", ")})` })}: ${linesAt(page, both, k).join(", ")}`);
-  if (!answer) lines.push(why ? t("noAnswer", { why }) : t("solving"));
-  else {
+  if (!answer) lines.push(...(page.ruleAlone ? [] : [why ? t("noAnswer", { why }) : t("solving")]));
+  else if (!page.lesson) {                     // there it would tell what is asked
     const { displacement: mine } = page.deformed(), theirs = answer.displacement;
     let sum = 0, count = 0, own = 0, high = 0;
     L.each((i) => {
@@ -128,8 +128,7 @@ function numbersCard(page, both, k) {
       sum += Math.hypot(...mine.map((u, a) => u[i] - theirs[a][i])); count++;
       own = Math.max(own, Math.hypot(...mine.map((u) => u[i]))); high = Math.max(high, Math.hypot(...theirs.map((u) => u[i])));
     });
-    if (!page.lesson) lines.push(t("twinSee") + (page.twin.gap.hidden ? "" : t("gapSee")));
-    lines.push(t("misfit", { a: quantity(own, "m"), b: quantity(high, "m"), n: general(100 * sum / count / (high || 1), 2) }), old ? t("solving") : t("solvedIn", { n: general(answer.seconds, 2) }));
+    lines.push(t("twinSee") + (page.twin.gap.hidden ? "" : t("gapSee")), t("misfit", { a: quantity(own, "m"), b: quantity(high, "m"), n: general(100 * sum / count / (high || 1), 2) }), old ? t("solving") : t("solvedIn", { n: general(answer.seconds, 2) }));
     if (page.g < page.run.generation) lines.push(t("noTime"));
   }
   return lines.map((text) => make("p", { textContent: text }));
@@ -146,7 +145,7 @@ function hover(page, event, view) {
 
 MODES.push({
   name: "twin", letter: "r",
-  offered: (page) => page.solvable && page.deformable && page.limit > 0,
+  offered: (page) => page.solvable && page.deformable && page.limit > 0 && (!page.ruleAlone || page.lesson.question.show.mode === "twin"),
   open(page) {
     const main = page.canvas.parentElement, box = () => make("div", {}, make("canvas", { role: "img" }));
     const twin = page.twin = { at: -1, elastic: box(), gap: box(), line: make("span", { className: "soft" }), profile: make("div"), numbers: make("section", { className: "card", role: "status" }),
@@ -188,7 +187,7 @@ MODES.push({
   cards: (page) => (page.twin ? [page.twin.card = make("section", { className: "card", hidden: true }, page.twin.profile, rulerTools(page)), page.twin.numbers] : []),
   draw(page) {
     const { twin, canvas, inks, t, look } = page, two = settings(page), both = bothOf(page), main = canvas.parentElement, wide = page.stageBox.clientWidth > 560;
-    const swipe = !page.solid && (two.layout === "swipe" || !wide), { answer } = page.elastic;
+    const swipe = !page.solid && (two.layout === "swipe" || !wide), { elasticity: answer } = page;
     (swipe ? main : page.stageBox)[swipe ? "append" : "insertBefore"](...(swipe ? [twin.elastic] : [twin.elastic, twin.gap]));
     twin.elastic.classList.toggle("over", swipe); twin.gap.hidden = swipe || !answer; twin.elastic.hidden = swipe && !answer; twin.handle.hidden = !swipe || !answer;
     page.drawnWith = [];
@@ -208,7 +207,7 @@ MODES.push({
     twin.handle.style.left = `${x - 22}px`; twin.handle.ariaValueMax = nx; twin.handle.ariaValueNow = String(Number((two.split).toFixed(3)));
     const [drawn] = page.drawnWith;
     twin.line.textContent = t(drawn.factor ? "inBoth" : "flatBoth", { q: t(drawn.quantity), n: drawn.factor.toLocaleString("en").replaceAll(",", " ") });
-    twin.numbers.replaceChildren(...numbersCard(page, both, twin.at >= 0 ? twin.at : page.picked));
+    twin.numbers.replaceChildren(...numbersCard(page, both, twin.at >= 0 ? twin.at : page.picked)); twin.numbers.hidden = !twin.numbers.childElementCount;
     twin.card.hidden = !two.ruler;
     if (two.ruler && !page.playing) twin.profile.replaceChildren(...rulerCard(page, both));
     const k = twin.at >= 0 ? twin.at : page.picked;

@@ -141,8 +141,9 @@ def _of_loads(grid: Scene) -> Iterator[str]:
                 f"to {edge:.3g} m; take smaller cells or a larger resolution"
             )
         drag = not inside and load.force and np.delete(load.force, chosen.direction // 2).any()
-        if drag and load.side is None:
-            yield f"loads.{number} drags the surface: where it ends, stress grows without limit"
+        if drag and (load.side is None or load.cell is not None):
+            where = "where it ends on a flat face, stress grows without limit"
+            yield f"loads.{number} drags the surface: {where}"
 
 
 def _of_outlines(result: ElasticResult) -> Iterator[str]:

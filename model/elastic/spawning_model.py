@@ -100,30 +100,26 @@ class SpawningModel(SteppedModel):
         asked = self.resolution, self.stage, self.goal, self.most_agents
         self.spawner = spawner_of(self.scene, self.tolerance, *asked)
         self.ground, self.most_agents = self.spawner.body, self.spawner.most_agents
-        self._grow(self.spawner.leaves, first=True)
+        self._begin(self.spawner.leaves)
         self.seconds = perf_counter() - began
 
-    def _grow(self, leaves: LeafCells, first: bool = False) -> None:
-        """Add the agents of a generation, or let these be the first ones; note their materials."""
-        if first:
-            for agent in self._objects:
-                agent.remove()
-            self._objects, self._kinds = [], np.empty(0, dtype=np.int64)
-            metre = self.ground.scene.lattice.cell_size / self.ground.cell
-            self.family = Family(self.ground.dimension, metre)
+    def _begin(self, leaves: LeafCells) -> None:
+        """Let these be the first agents."""
+        for agent in self._objects:
+            agent.remove()
+        metre = self.ground.scene.lattice.cell_size / self.ground.cell
+        self._objects, self.family = [], Family(self.ground.dimension, metre)
         self.family.grow(leaves.code, leaves.size)
-        fresh = len(self.family) - len(self._kinds)
-        self._kinds = np.append(self._kinds, np.full(fresh, -1))
-        self._kinds[self.family.working] = leaves.kind
 
     def step(self) -> None:
         """Let agents spawn (not in the first step), and let all find their opinions."""
         began = perf_counter()
         self.spawner.step()
-        leaves, last = self.spawner.last.leaves, self.spawner.generations[-1]
-        # Within outlines it is known after the first step only what the first agents hold.
-        if self.generation > 1 or self.scene.outlined:
-            self._grow(leaves, first=self.generation == 1)
+        last = self.spawner.generations[-1]
+        if self.generation > 1:
+            self.family.grow(last.code, last.size)
+        elif self.scene.outlined:  # only now it is known what the first agents hold
+            self._begin(self.spawner.last.leaves)
         self.family.settle(last.gap, last.chosen)
         self.running = not self.spawner.finished
         self.seconds += perf_counter() - began
@@ -156,8 +152,12 @@ class SpawningModel(SteppedModel):
         """Return the objects of all rows; make those that are not there yet."""
         family, materials = self.family, self.scene.cell_materials
         level, size, lower = family.level, family.size, family.lower
+        # Of an agent that holds others its first one's, of one that holds nothing a neighbour's.
+        leaves = self.spawner.last.leaves if self.generation else self.spawner.leaves
+        at = np.searchsorted(leaves.code, family.rows["code"])
+        kind = leaves.kind[np.minimum(at, len(leaves) - 1)].tolist()
         for row in range(len(self._objects), len(family)):
-            own, kind = family.rows[row], self._kinds[row]
+            own = family.rows[row]
             parent = self._objects[own["parent"]] if own["parent"] >= 0 else None
             agent = SpawningAgent(
                 self,
@@ -166,8 +166,7 @@ class SpawningModel(SteppedModel):
                 level=int(level[row]),
                 lower=tuple(lower[row].tolist()),
                 size=float(size[row]),
-                # one that never stood is as its parent is
-                material=parent.material if parent and kind < 0 else materials[kind],
+                material=materials[kind[row]],
                 spawn_step=int(own["spawn_step"]),
                 cause=float(own["cause"]),
             )

@@ -43,13 +43,7 @@ NO_BOUND = "nothing is proved of a stress at a point"
 
 
 def peak_asked(scene: Scene, goal: AskedFor | None) -> Stress | Deflection | None:
-    """Return what `goal` asks for within true outlines; none for the energy norm.
-
-    Raises
-    ------
-    ParameterError
-        If that is neither the hoop stress along a named outline nor the deflection of a free side.
-    """
+    """Return what `goal` asks for within true outlines; none for the energy norm."""
     if goal is None:
         return None
     named = [region.name for region in scene.body.regions if region.name is not None]

@@ -6,14 +6,13 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-import scipy.sparse as sp
-from scipy.sparse.csgraph import connected_components
 
 from kaju.arrays import Flags, Floats, Ints, nearest
 from kaju.model.outline.leaf_triangles import Filled, named
 from kaju.model.outline.posed_outlines import SIDES, OutlinedBody, UnlikeError
 from kaju.model.outline.true_shapes import TINY, pieces_of
 
+from .leaves import joined
 from .sheets import Rim
 
 FLAT = 0.03
@@ -170,12 +169,6 @@ def slopes(at: Floats) -> tuple[Floats, Floats]:
     with np.errstate(divide="ignore", invalid="ignore"):
         slope = np.stack([-across[..., 1], across[..., 0]], axis=2) / twice[:, None, None]
     return np.asarray(slope), np.asarray(0.5 * twice)
-
-
-def joined(pairs: Ints, count: int) -> Ints:
-    """Return the number of the group of each of so many, joined pair by pair."""
-    graph = sp.coo_array((np.ones(len(pairs)), tuple(pairs.T)), shape=(count, count))
-    return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)
 
 
 def mesh_of(filled: Filled) -> CutMesh:

@@ -26,13 +26,7 @@ from .leaves import LeafCells
 
 
 def loose_parts(mesh: CutMesh, border: Border, body: OutlinedBody) -> Flags:
-    """Return which parts of the body nothing holds and nothing loads.
-
-    Raises
-    ------
-    SupportError
-        If one that is loaded could move without straining.
-    """
+    """Return which parts of the body nothing holds and nothing loads; refuse loaded ones."""
     own, count = mesh.parts[border.ends[:, 0]], int(mesh.parts.max()) + 1
     loose = np.zeros(count, dtype=np.bool_)
     for number in range(count):

@@ -18,7 +18,7 @@ from .airy import Airy
 from .border import Sides, check_held, sides_of
 from .displacement import way_of
 from .elements import DEEPEST_STEP, child_maps
-from .leaves import LeafCells, Mesh, PlaneMesh, corners, mesh_of
+from .leaves import BITS, LeafCells, Mesh, PlaneMesh, corners, mesh_of
 from .levels import DIRECT, FieldLevel, descent, handed_down, level_of
 from .opinions import Opinions
 from .space import SETTLED, Bricks, hats_of
@@ -200,7 +200,7 @@ class Family:
     @property
     def lower(self) -> Floats:
         """Lower corners (m) of the agents, shape (agents, dimension)."""
-        return np.asarray(self.corners() * self.metre, dtype=np.float64)
+        return np.asarray(corners(self.rows["code"], self.dimension) * self.metre)
 
     @property
     def size(self) -> Floats:
@@ -214,10 +214,6 @@ class Family:
         largest = size[self.rows["spawn_step"] == 0].max()
         return np.asarray(np.rint(np.log2(largest / size)), dtype=np.int64)
 
-    def corners(self, start: int = 0) -> Ints:
-        """Return the lower corners (units) of the rows from `start` onwards."""
-        return corners(self.rows["code"][start:], self.dimension)
-
     def grow(self, code: Ints, size: Ints) -> None:
         """Add the agents of the next generation (units), in the order of their codes."""
         self.step += 1
@@ -228,12 +224,9 @@ class Family:
         working = self.working
         while True:
             own = self.rows[working]
-            at, end = np.searchsorted(
-                code, [own["code"], own["code"] + own["size"] ** self.dimension]
-            )
-            self.rows["retired_step"][working[at == end]] = self.step  # they hold nothing
-            working, at = working[end > at], at[end > at]
-            parents = size[at] < self.rows["size"][working]
+            held, parents = divided(own["code"], own["size"], code, size, self.dimension)
+            self.rows["retired_step"][working[~held]] = self.step  # they hold nothing
+            working = working[held]
             if not parents.any():
                 break
             working = np.append(working[~parents], self._spawn(working[parents]))
@@ -277,29 +270,33 @@ class Family:
         return np.arange(len(self.rows) - len(fresh), len(self.rows))
 
 
+def divided(code: Ints, size: Ints, later: Ints, sizes: Ints, d: int) -> tuple[Flags, Flags]:
+    """Tell which agents hold any of later ones, and which of these hold smaller ones."""
+    at, end = np.searchsorted(later, [code, code + size**d])
+    held = end > at
+    return held, sizes[at[held]] < size[held]
+
+
 def trees_of(
     first: LeafCells, generations: list[Generation], whole: bool = True
 ) -> list[LeafCells]:
-    """Return the agents of stored generations; refuse some that are not parts of the first ones.
-
-    Within outlines they need not fill these (be `whole`), and halve as often as it takes.
-    """
+    """Return the agents of stored generations; refuse some that do not descend from the first."""
+    # Within outlines they need not fill these (be `whole`), and halve as often as it takes.
     d, trees = first.dimension, [first]
     if not generations:
         raise ResultError("it holds no generation of agents")
     for number, one in enumerate(generations):
-        before, code, size = trees[-1], one.code, one.size
-        at = np.maximum(np.searchsorted(before.code, code, "right") - 1, 0)
-        away, parts = code - before.code[at], before.size[at] // size
-        sound = np.all((parts > 0) & (parts & (parts - 1) == 0) & (parts * size == before.size[at]))
-        # Each is one of the parts of one before, and ends where the next begins, or before.
-        volume = np.where(parts > 0, size, 1) ** d
-        sound &= np.all((away >= 0) & (away % volume == 0) & (away < before.size[at] ** d))
-        sound &= len(code) > 0 and np.all(np.diff(code) >= volume[:-1])
-        leaves = LeafCells(corners(code, d), size, before.kind[at], code)
-        if sound and whole:
-            sound = parts.max() <= (1 << DEEPEST_STEP if number else 1)
-            sound &= volume.sum() == (before.size**d).sum() and len(leaves.balanced()) == len(code)
+        leaves, most = trees[-1], (DEEPEST_STEP if number else 0) if whole else BITS[d]
+        for _ in range(most):
+            held, parents = divided(leaves.code, leaves.size, one.code, one.size, d)
+            leaves = leaves.only(held)
+            if not parents.any():
+                break
+            leaves = leaves.split(parents)
+        sound = np.array_equal(leaves.code, one.code) and np.array_equal(leaves.size, one.size)
+        if whole:
+            sound &= (leaves.size**d).sum() == (first.size**d).sum()
+            sound &= len(leaves.balanced()) == len(leaves)
         if not sound:
             raise ResultError("its agents do not stand side by side in the body")
         trees.append(leaves)

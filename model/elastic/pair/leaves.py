@@ -234,12 +234,10 @@ class Mesh:
     @cached_property
     def part(self) -> Ints:
         """To which part of the body each agent belongs: agents joined by sides."""
-        leaves, n = self.leaves, len(self.leaves)
-        sides = range(2 * leaves.dimension)
+        leaves, sides = self.leaves, range(2 * self.leaves.dimension)
         beside = np.stack([leaves.find(beyond(leaves, side)) for side in sides])
-        other, agent = beside[beside >= 0], np.nonzero(beside >= 0)[1]
-        links = sp.coo_array((np.ones(len(agent)), (agent, other)), shape=(n, n))
-        return np.asarray(connected_components(links, directed=False)[1], dtype=np.int64)
+        pairs = np.column_stack([np.nonzero(beside >= 0)[1], beside[beside >= 0]])
+        return joined(pairs, len(leaves))
 
 
 @dataclass(eq=False)
@@ -325,6 +323,12 @@ def _largest(leaves: LeafCells, points: Ints) -> Ints:
     found = np.stack([leaves.find(points - np.array(o)) for o in product((0, 1), repeat=3)])
     size = np.where(found >= 0, leaves.size[found], 0)
     return np.asarray(found[np.argmax(size, axis=0), np.arange(len(points))])
+
+
+def joined(pairs: Ints, count: int) -> Ints:
+    """Return the number of the group of each of so many, joined pair by pair."""
+    graph = sp.coo_array((np.ones(len(pairs)), tuple(pairs.T)), shape=(count, count))
+    return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)
 
 
 def coo(entries: Entries, shape: tuple[int, int]) -> sp.csr_array:

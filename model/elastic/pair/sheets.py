@@ -36,12 +36,6 @@ def loops_of(start: Ints, end: Ints) -> list[Ints]:
     return loops
 
 
-def begun(loop: Ints, given: Flags) -> Ints:
-    """Return a loop from where its first free run begins, if it has others beside it."""
-    free = np.asarray(given.all(axis=1))
-    return np.roll(loop, -int(np.argmax(free & ~np.roll(free, 1))))
-
-
 @dataclass(frozen=True, eq=False)
 class Rim:
     """Edges of the border, walked with the body on the left."""
@@ -66,7 +60,10 @@ class Sheets:
     def __init__(self, place: Floats, corner: Ints, edges: int, part: Ints, rim: Rim) -> None:
         self.place, self.corner, self.vertices = place, corner, len(place)
         start, end = (corner[rim.owner, one] for one in rim.ends.T)
-        loops = [begun(loop, rim.given[loop]) for loop in loops_of(start, end)]
+        loops, free = loops_of(start, end), np.asarray(rim.given.all(axis=1))
+        # Each from where its first free run begins, if it has others beside it.
+        first = [int(np.argmax(free[one] & ~free[np.roll(one, 1)])) for one in loops]
+        loops = [np.roll(one, -at) for one, at in zip(loops, first, strict=True)]
         self.row, count = np.concatenate(loops), np.array([len(one) for one in loops])
         self.begins, self.loop = np.cumsum(count) - count, np.repeat(np.arange(len(count)), count)
         self.last = np.cumsum(count) - 1

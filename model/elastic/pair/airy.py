@@ -39,7 +39,7 @@ class Airy(Sheets):
         ends, none = on_sides(2)[mesh.side, :2], np.zeros((len(mesh.side), 3))
         ends = np.where(np.isin(mesh.side, (0, 3))[:, None], ends[:, ::-1], ends)
         rim = Rim(mesh.owner, ends, mesh.border, sides.given, none, none[:, 0])
-        super().__init__(mesh.place / cell, mesh.corner, mesh.edges, mesh.part, rim)
+        super().__init__(mesh.place / cell, mesh.corner, len(mesh.ends), mesh.part, rim)
         corner = (3 * self.corner[:, :, None] + np.arange(3)).reshape(-1, 12)
         self.dof = np.concatenate([corner, 3 * self.points + mesh.edge], axis=1)
         self.h = mesh.leaves.size / cell
@@ -74,7 +74,7 @@ class Airy(Sheets):
     def hanging(self) -> Entries:
         """Let the middles of whole edges, and the bulges of their halves, follow these."""
         mesh, whole, half = self.mesh, self.mesh.whole, self.mesh.halves[0]
-        at = np.zeros(mesh.edges, dtype=np.int64)
+        at = np.zeros(len(mesh.ends), dtype=np.int64)
         at[mesh.edge.ravel()] = np.arange(mesh.edge.size)
         agent, number = np.divmod(at, 4)
         # They are as in the two parts of the agent of the whole edge that lie along this: the
@@ -116,14 +116,14 @@ def first_stress(mesh: PlaneMesh, sides: Sides, load: Floats, body: Floats, size
     works[2, side, 1, axis] = [-1.0, -1.0, 1.0, 1.0]
     hands[:, 0, 0, 0] = hands[:, 1, 0, 1] = hands[side, 2, 1, axis] = sign
     # A row of `matrix` is a force on an agent, or its couple over its edge.
-    n, number = len(mesh.leaves), np.arange(3 * mesh.edges).reshape(-1, 3)
+    n, number = len(mesh.leaves), np.arange(3 * len(mesh.ends)).reshape(-1, 3)
     own = mesh.edge[:, EDGE_OF_SIDE]
     row, column = np.arange(3 * n).reshape(n, 3, 1, 1), number[own][:, None]
     share = np.einsum("rsij,seij->rse", works, hands)
     at, values = np.broadcast_arrays(row, column, share)[:2], np.broadcast_to(share, (n, 3, 4, 3))
     matrix = sp.csr_array((values.ravel(), tuple(x.ravel() for x in at)), (3 * n, number.size))
     # Unknown is what edges hand on but where the traction is given; halves follow the whole edge.
-    free = np.ones((mesh.edges, 3), dtype=np.bool_)
+    free = np.ones((len(mesh.ends), 3), dtype=np.bool_)
     free[mesh.border, :2] = ~sides.given
     free[mesh.border, 2] = ~sides.given[np.arange(len(mesh.border)), mesh.side // 2]
     start, end = mesh.place[mesh.ends[mesh.whole].T]
@@ -134,7 +134,7 @@ def first_stress(mesh: PlaneMesh, sides: Sides, load: Floats, body: Floats, size
     every, follows = followed(follow, number.size)
     chosen = np.flatnonzero(free.ravel() & ~follows)
     # The least squares, in which first moments weigh as tractions of the same size.
-    weight = np.tile([1.0, 1.0, 1.0 / 12.0], mesh.edges)[chosen]
+    weight = np.tile([1.0, 1.0, 1.0 / 12.0], len(mesh.ends))[chosen]
     balance = sp.csr_array(matrix @ every[:, chosen])
     wanted = np.einsum("rsij,nsij->nr", works, -load)
     wanted[:, :2] -= body

@@ -19,7 +19,6 @@ from kaju.model.elastic.goals.duals import aligned, goal_of
 from kaju.model.elastic.goals.quantities import Goal
 from kaju.model.elastic.posed_body import PosedBody
 from kaju.model.results.result import OnCells
-from kaju.model.scene import Scene
 
 from .elements import quadratic_values
 from .history import Generation, settled, trees_of
@@ -45,6 +44,13 @@ class PairAgents(OnCells):
 
     whole: ClassVar[bool] = True
     """Whether agents fill the first ones: those within outlines need not."""
+
+    solution = property(lambda agents: agents, doc="Itself: it has the figures of its solution.")
+    grid = property(lambda agents: agents.ground.scene, doc="Cells that say where the body is.")
+    no_bound = property(
+        lambda agents: agents.ground.no_bound, doc="Why nothing is proved, or empty."
+    )
+    error = property(lambda agents: agents.generations[-1].error, doc="Of the stress, as in these.")
 
     def __post_init__(self, known: Any) -> None:
         body, self._last = self.ground, known
@@ -72,21 +78,6 @@ class PairAgents(OnCells):
         return found
 
     @property
-    def no_bound(self) -> str:
-        """Why nothing is proved; empty if the error is."""
-        return self.ground.no_bound
-
-    @property
-    def solution(self) -> PairAgents:
-        """Itself: it has the figures of its solution."""
-        return self
-
-    @property
-    def grid(self) -> Scene:
-        """The scene on the cells that say where the body is."""
-        return self.ground.scene
-
-    @property
     def material(self) -> Ints:
         """Index of each agent's material, which is that of its moduli."""
         return self.leaves.kind
@@ -97,11 +88,6 @@ class PairAgents(OnCells):
     def energy(self) -> float:
         """Energy of the body and of what it lies on."""
         return self.generations[-1].energy / self.scales.energy
-
-    @property
-    def error(self) -> float:
-        """Error of the stress in the energy norm: in the plane at most, in space estimated."""
-        return self.generations[-1].error
 
     @cached_property
     def energies(self) -> Floats | None:

@@ -138,7 +138,7 @@ def check_held(body: PosedBody, mesh: Mesh, sides: Sides) -> None:
 def torn(mesh: Mesh, sides: Sides) -> Flags:
     """Tell which vertices supports give two displacements at once."""
     d = sides.held.shape[1]
-    least, most = np.full((mesh.vertices, d), np.inf), np.full((mesh.vertices, d), -np.inf)
+    least, most = np.full((len(mesh.place), d), np.inf), np.full((len(mesh.place), d), -np.inf)
     for vertex in mesh.on_border[:, : 1 << (d - 1)].T:
         np.minimum.at(least, vertex, np.where(sides.held, sides.moved, np.inf))
         np.maximum.at(most, vertex, np.where(sides.held, sides.moved, -np.inf))

@@ -134,14 +134,15 @@ class CutMesh:
 
         Of one law, if the leaf has any of this.
         """
-        order = self._order
+        order = np.argsort(self.leaf, kind="stable")
         first, last = (np.searchsorted(self.leaf[order], leaf, side) for side in ("left", "right"))
         # All triangles of the leaf of each point, one point after the other.
         many = last - first
         end, point = np.cumsum(many), np.repeat(np.arange(len(leaf)), many)
         triangle = order[np.arange(len(point)) + np.repeat(last - end, many)]
         away = points[point] - self.place[self.triangle[triangle, 0]]
-        share = np.einsum("ncd,nd->nc", self._slopes[triangle], away)
+        slope = slopes(self.place[self.triangle])[0]
+        share = np.einsum("ncd,nd->nc", slope[triangle], away)
         share[:, 0] += 1.0
         beyond = -share.min(axis=1)
         if law is not None:
@@ -151,14 +152,6 @@ class CutMesh:
         nearest = least[np.searchsorted(least, end - many)]
         share = np.maximum(share[nearest], 0.0)
         return triangle[nearest], share / share.sum(axis=1, keepdims=True)
-
-    @cached_property
-    def _slopes(self) -> Floats:
-        return slopes(self.place[self.triangle])[0]
-
-    @cached_property
-    def _order(self) -> Ints:
-        return np.argsort(self.leaf, kind="stable")
 
 
 def slopes(at: Floats) -> tuple[Floats, Floats]:

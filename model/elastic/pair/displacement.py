@@ -65,7 +65,7 @@ class Fitting:
         """The stiffness of the agents and of the beds."""
         d, sides, mesh = self.body.dimension, self.sides, self.mesh
         dof = (d * mesh.node[:, :, None] + np.arange(d)).reshape(len(mesh.node), -1)
-        size = d * (mesh.vertices + mesh.edges)
+        size = d * (len(mesh.place) + len(mesh.ends))
         matrices = [(agents, root.T @ root) for agents, root in self.roots]
         beds, extra = sides.beds, None
         if len(beds):
@@ -93,7 +93,7 @@ class Fitting:
     def pulls(self) -> Floats:
         """Return the forces of supports on what follows no other node, shape (nodes, d)."""
         d = self.body.dimension
-        return np.asarray(self.mesh.ties.T @ self._left().reshape(-1, d))
+        return np.asarray(self.mesh.tied[0].T @ self._left().reshape(-1, d))
 
     def displacement_at(self, agent: Ints, inside: Floats) -> Floats:
         """Return the displacement at places from 0 to 1 in agents, shape (n, d); scaled."""
@@ -111,15 +111,16 @@ def way_of(mesh: Mesh, sides: Sides) -> tuple[sp.csr_array, Ints]:
     d = sides.held.shape[1]
     # What a held node follows is held as well.
     held = mesh.masters(np.asarray(held_by(mesh, sides).any(axis=0)))
-    free = np.flatnonzero((~(mesh.follows[:, None] | held)).ravel())
-    both = sp.csr_array(sp.kron(mesh.ties, sp.eye_array(d), format="csr"))
+    ties, follows = mesh.tied
+    free = np.flatnonzero((~(follows[:, None] | held)).ravel())
+    both = sp.csr_array(sp.kron(ties, sp.eye_array(d), format="csr"))
     return sp.csr_array(both[:, free]), free
 
 
 def held_by(mesh: Mesh, sides: Sides) -> Flags:
     """Tell which components of nodes each support holds, shape (supports, nodes, d)."""
     d = sides.held.shape[1]
-    found = np.zeros((2 * d + 1, mesh.vertices + mesh.edges, d), dtype=np.bool_)
+    found = np.zeros((2 * d + 1, len(mesh.place) + len(mesh.ends), d), dtype=np.bool_)
     side, axis = np.nonzero(sides.held)
     found[sides.support[side, None], mesh.on_border[side], axis[:, None]] = True
     return found
@@ -134,9 +135,9 @@ def moved_by(mesh: Mesh, sides: Sides, shared: Floats) -> Floats:
         far[support] = here.max(axis=0, initial=0.0) + here.min(axis=0, initial=0.0)
     # Where supports meet that move apart (in space) a node moves by their mean.
     given = (holds * far[:, None]).sum(axis=0) / np.maximum(holds.sum(axis=0), 1)
-    given[mesh.vertices :] = 0.0
+    given[len(mesh.place) :] = 0.0
     value = np.where(holds.any(axis=0), given, shared.reshape(-1, d))
-    return np.asarray((mesh.ties @ value)[mesh.node].reshape(len(mesh.node), -1))
+    return np.asarray((mesh.tied[0] @ value)[mesh.node].reshape(len(mesh.node), -1))
 
 
 def forces_of(sides: Sides) -> Floats:

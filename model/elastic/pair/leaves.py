@@ -159,39 +159,19 @@ class Mesh:
     owner: Ints
     side: Ints
 
-    @property
-    def vertices(self) -> int:
-        """Number of vertices."""
-        return len(self.place)
-
-    @property
-    def edges(self) -> int:
-        """Number of edges."""
-        return len(self.ends)
-
     @cached_property
     def node(self) -> Ints:
         """Nodes of each agent: its vertices, then its edges, which are counted behind them all."""
-        return np.concatenate([self.corner, self.vertices + self.edge], axis=1)
+        return np.concatenate([self.corner, len(self.place) + self.edge], axis=1)
 
     @property
     def on_border(self) -> Ints:
         """Nodes of each side of the border."""
         return self.node[self.owner[:, None], on_sides(self.leaves.dimension)[self.side]]
 
-    @property
-    def ties(self) -> sp.csr_array:
-        """What all nodes are by those that follow no other."""
-        return self._tied[0]
-
     def masters(self, some: Flags) -> Flags:
         """Tell which nodes any of some follow, or are; shape (nodes, columns)."""
-        return np.asarray(abs(self.ties).T @ some.astype(np.float64) > 0.0)
-
-    @property
-    def follows(self) -> Flags:
-        """Which nodes follow others."""
-        return self._tied[1]
+        return np.asarray(abs(self.tied[0]).T @ some.astype(np.float64) > 0.0)
 
     @cached_property
     def hanging(self) -> tuple[Ints, Ints]:
@@ -202,8 +182,9 @@ class Mesh:
         return vertex, owner[vertex]
 
     @cached_property
-    def _tied(self) -> tuple[sp.csr_array, Flags]:
-        """What nodes of bodies in space are: on a larger agent what its quadratics are there."""
+    def tied(self) -> tuple[sp.csr_array, Flags]:
+        """What all nodes are by those that follow no other, and which follow others."""
+        # In space a node on a larger agent is what the quadratics of this are there.
         leaves = self.leaves
 
         def values(points: Floats | Ints, leaf: Ints) -> Floats:
@@ -219,12 +200,12 @@ class Mesh:
         own = large[short]
         bulge = values(0.5 * (start + end)[short], own)
         bulge -= 0.5 * (values(start[short], own) + values(end[short], own))
-        slaves = np.concatenate([vertex, self.vertices + short])
+        slaves = np.concatenate([vertex, len(self.place) + short])
         masters = self.node[np.concatenate([owner, own])]
         weight = np.concatenate([values(self.place[vertex], owner), bulge])
         slave, some = np.broadcast_to(slaves[:, None], weight.shape), np.abs(weight) > ROUNDED
         entries: Entries = [(slave[some], masters[some], weight[some])]
-        return followed(entries, self.vertices + self.edges)
+        return followed(entries, len(self.place) + len(self.ends))
 
     @cached_property
     def first(self) -> Ints:
@@ -251,14 +232,15 @@ class PlaneMesh(Mesh):
     border: Ints  # The edges that are sides of the border
 
     @cached_property
-    def _tied(self) -> tuple[sp.csr_array, Flags]:
-        n, ends = self.vertices, self.ends[self.whole]
+    def tied(self) -> tuple[sp.csr_array, Flags]:
+        """What all nodes are by those that follow no other, and which follow others."""
+        n, ends = len(self.place), self.ends[self.whole]
         # The middle is the value of the whole edge's parabola there, the bulge of each half is a
         # quarter of its bulge.
         entries: Entries = [(self.middle, end, 0.5) for end in ends.T]
         entries.append((self.middle, n + self.whole, 1.0))
         entries += [(n + half, n + self.whole, 0.25) for half in self.halves]
-        return followed(entries, n + self.edges)
+        return followed(entries, n + len(self.ends))
 
 
 def mesh_of(leaves: LeafCells) -> Mesh:

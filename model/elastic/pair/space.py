@@ -134,11 +134,11 @@ class Bricks(Fitting):
         """Return the force of every support on the body."""
         mesh, sides, names = self.mesh, self.sides, support_names(self.body)
         # What several supports hold together each of them holds to the same share.
-        flat = np.swapaxes(held_by(mesh, sides), 0, 1).reshape(len(mesh.follows), -1)
+        flat = np.swapaxes(held_by(mesh, sides), 0, 1).reshape(len(mesh.place) + len(mesh.ends), -1)
         holds = mesh.masters(flat).reshape(len(flat), -1, 3)
         pull = self.pulls()[:, None] * holds / np.maximum(holds.sum(axis=1, keepdims=True), 1)
         # A shift of a side moves its corners, and leaves the bulges at 0.
-        total: Floats = np.asarray(pull[: mesh.vertices].sum(axis=0))
+        total: Floats = np.asarray(pull[: len(mesh.place)].sum(axis=0))
         np.subtract.at(total, sides.support, sides.straight)
         owner, side = mesh.owner[sides.beds], mesh.side[sides.beds]
         own = self.fit.reshape(-1, 20, 3)
@@ -156,7 +156,7 @@ def hats_of(found: Bricks, way: sp.csr_array, free: Ints) -> tuple[FieldLevel, s
     """
     leaves, mesh, box = found.leaves, found.mesh, int(found.leaves.size.max())
     # Vertices take their values from the box of one of their agents; bulges take nothing.
-    agent = np.empty(mesh.vertices, dtype=np.int64)
+    agent = np.empty(len(mesh.place), dtype=np.int64)
     agent[mesh.corner] = np.arange(len(leaves))[:, None]
     while True:
         lower = leaves.lower[agent] // box
@@ -165,8 +165,8 @@ def hats_of(found: Bricks, way: sp.csr_array, free: Ints) -> tuple[FieldLevel, s
         if 3 * len(key) <= DIRECT[3]:
             break
         box *= 2
-    weight, row = trilinear(mesh.place / box - lower), np.repeat(np.arange(mesh.vertices), 8)
-    shape = (mesh.vertices + mesh.edges, len(key))
+    weight, row = trilinear(mesh.place / box - lower), np.repeat(np.arange(len(mesh.place)), 8)
+    shape = (len(mesh.place) + len(mesh.ends), len(key))
     values = sp.csr_array((weight.ravel(), (row, hat.ravel())), shape=shape)
     rise = sp.csr_array(sp.kron(values, sp.eye_array(3), format="csr")[free])
     # They are told of the agents' corners alone.

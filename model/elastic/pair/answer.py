@@ -42,9 +42,6 @@ class PairAgents(OnCells):
     notes: list[str]
     known: InitVar[Any] = None  # Opinions of the last, if they have just been found
 
-    whole: ClassVar[bool] = True
-    """Whether agents fill the first ones: those within outlines need not."""
-
     solution = property(lambda agents: agents, doc="Itself: it has the figures of its solution.")
     grid = property(lambda agents: agents.ground.scene, doc="Cells that say where the body is.")
     no_bound = property(
@@ -55,8 +52,9 @@ class PairAgents(OnCells):
     def __post_init__(self, known: Any) -> None:
         body, self._last = self.ground, known
         if known is None:
-            goals = [goal_of(goal.quantity, body) for goal in self.goals if self.whole]
-            self._trees = trees_of(aligned(goals, body), self.generations, self.whole)
+            whole = isinstance(body, PosedBody)
+            goals = [goal_of(goal.quantity, body) for goal in self.goals if whole]
+            self._trees = trees_of(aligned(goals, body), self.generations, whole)
         self.leaves: LeafCells = self._trees[-1] if known is None else known.leaves
         self.scene, self.stage = body.asked, body.stage
         self.scales, self.moduli = body.scales, body.moduli

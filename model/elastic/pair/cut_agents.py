@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
 from math import ceil, floor, inf
-from typing import ClassVar
 
 import numpy as np
 
@@ -29,7 +28,6 @@ class CutAgents(PairAgents):
     """Agents of a plane body within true outlines, whole or cut."""
 
     ground: OutlinedBody  # type: ignore[assignment]
-    whole: ClassVar[bool] = False
 
     @cached_property
     def opinions(self) -> CutPair:

@@ -34,7 +34,7 @@ from kaju.model.scene import Scene
 
 from .cut_agents import CutAgents
 from .cut_pair import CutPair
-from .goals import AIM, Judged
+from .goals import AIM, Judged, judged
 from .loop import PairLoop
 
 MOST_AGENTS = 100_000
@@ -136,11 +136,10 @@ class CutLoop(PairLoop):
         return every.code[((share > 0.0) & (share < 1.0 - 1e-12)).any(axis=1)]
 
     def _by_energy(self, pair: Any) -> Judged:
-        judged = self.goals.judge(pair, self.tolerance)
-        often = coarse_along(pair, self.tolerance)
-        if judged.error <= self.tolerance:
+        told, often = judged(pair, (), self.tolerance), coarse_along(pair, self.tolerance)
+        if told.error <= self.tolerance:
             often = np.where(often > 1, often, 0)
-        return replace(judged, first=often)
+        return replace(told, first=often)
 
     def _by_deflection(self, asked: Deflection, pair: CutPair) -> Judged:
         """Return the error of the mean displacement of a free side, with bounds.

@@ -90,11 +90,6 @@ class Fitting:
         left = blocks.gather(blocks.times(self.fit) - forces_of(self.sides))
         return left if blocks.extra is None else left + blocks.extra @ blocks.shared(self.fit)
 
-    def pulls(self) -> Floats:
-        """Return the forces of supports on what follows no other node, shape (nodes, d)."""
-        d = self.body.dimension
-        return np.asarray(self.mesh.tied[0].T @ self._left().reshape(-1, d))
-
     def displacement_at(self, agent: Ints, inside: Floats) -> Floats:
         """Return the displacement at places from 0 to 1 in agents, shape (n, d); scaled."""
         values = quadratic_values(inside)

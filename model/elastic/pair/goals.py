@@ -17,7 +17,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from math import inf, sqrt
 from typing import Any
 
@@ -25,17 +24,15 @@ import numpy as np
 
 from kaju.arrays import Floats, Ints
 from kaju.model.elastic.arguments import SMALLEST_TOLERANCE
-from kaju.model.elastic.goals.duals import TORN, DualGoal, aligned, goal_of
+from kaju.model.elastic.goals.duals import TORN, DualGoal
 from kaju.model.elastic.goals.quantities import Deflection, Goal, Quantity, Reaction, Stress
 from kaju.model.elastic.pair.answer import PairAgents
+from kaju.model.elastic.pair.cut_pair import CutPair
 from kaju.model.elastic.pair.gap import ROUNDING
-from kaju.model.elastic.pair.history import Aim, Settled
-from kaju.model.elastic.pair.leaves import LeafCells
+from kaju.model.elastic.pair.history import Settled
 from kaju.model.elastic.pair.opinions import Opinions
 from kaju.model.elastic.pair.space import Bricks
-from kaju.model.elastic.posed_body import PosedBody
 from kaju.model.elastic.scales import ROUNDED
-from kaju.model.outline.posed_outlines import OutlinedBody
 
 AIM = 0.9
 """Of the tolerance a generation is aimed at. To 1e-3 on the plate, the hole and contrast 1000 0.8
@@ -58,41 +55,25 @@ class Judged:
     first: Ints | None = None  # How often agents halve whatever their share
 
 
-class Goals:
-    """The goals of a plane body; without any the energy norm is."""
-
-    def __init__(self, quantities: Sequence[Quantity], body: PosedBody | OutlinedBody) -> None:
-        self.body = body
-        self.goals = [goal_of(one, body) for one in quantities if isinstance(body, PosedBody)]
-
-    def start(self) -> LeafCells:
-        """Return the first agents: as small as the body and the places of the goals ask for."""
-        return aligned(self.goals, self.body)
-
-    def aims(self, last: Settled | None) -> list[Aim]:
-        """Return what lays dual loads on the next generation."""
-        found = None if last is None else agents_of(last)
-        return [partial(goal.loaded, found=found) for goal in self.goals]
-
-    def judge(self, found: Settled, tolerance: float) -> Judged:
-        """Return what a generation says of the goals."""
-        told: list[tuple[Goal, Floats, float]] = []
-        error, shares, lost = found.bounds.error, found.shares, found.bounds.lost
-        if self.goals:
-            duals, agents = list(found.duals), agents_of(found)
-            largest, tell = _largest(agents), _told if agents.two_minds else _estimated
-            for goal in self.goals:
-                own: list[Any] = [duals.pop(0) for _ in goal.directions]
-                told.append(tell(found, goal, own, goal.read(agents), largest))
-            worst, _, rounding = max(told, key=lambda one: one[0].relative_error)
-            error = worst.relative_error
-            missed = [part for goal, part, _ in told if goal.relative_error > tolerance]
-            shares = np.sum(missed or [part for _, part, _ in told], axis=0)
-            lost = rounding > ROUNDING * worst.error_estimate and error > SMALLEST_TOLERANCE
-        # The share of its error that a generation is aimed at; the gap is the error's square.
-        wanted = AIM * tolerance / error if 0.0 < error < inf else 0.0
-        wanted **= 1 if self.goals else 2
-        return Judged(tuple(goal for goal, *_ in told), error, shares, lost, wanted)
+def judged(found: Settled | CutPair, goals: Sequence[DualGoal], tolerance: float) -> Judged:
+    """Return what a generation says of the goals; without any the energy norm is."""
+    told: list[tuple[Goal, Floats, float]] = []
+    error, shares, lost = found.bounds.error, found.shares, found.bounds.lost
+    if goals and not isinstance(found, CutPair):
+        duals, agents = list(found.duals), agents_of(found)
+        largest, tell = _largest(agents), _told if agents.two_minds else _estimated
+        for goal in goals:
+            own: list[Any] = [duals.pop(0) for _ in goal.directions]
+            told.append(tell(found, goal, own, goal.read(agents), largest))
+        worst, _, rounding = max(told, key=lambda one: one[0].relative_error)
+        error = worst.relative_error
+        missed = [part for goal, part, _ in told if goal.relative_error > tolerance]
+        shares = np.sum(missed or [part for _, part, _ in told], axis=0)
+        lost = rounding > ROUNDING * worst.error_estimate and error > SMALLEST_TOLERANCE
+    # The share of its error that a generation is aimed at; the gap is the error's square.
+    wanted = AIM * tolerance / error if 0.0 < error < inf else 0.0
+    wanted **= 1 if goals else 2
+    return Judged(tuple(goal for goal, *_ in told), error, shares, lost, wanted)
 
 
 def _estimated(

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from copy import copy
+from functools import partial
 from math import exp, inf, log
 from typing import Any
 
 import numpy as np
 
 from kaju.arrays import Flags, Ints
+from kaju.model.elastic.goals.duals import aligned, goal_of
 from kaju.model.elastic.goals.quantities import Goal, Quantity
 from kaju.model.elastic.posed_body import PosedBody
 from kaju.model.outline.posed_outlines import OutlinedBody
@@ -17,7 +19,7 @@ from kaju.model.outline.posed_outlines import OutlinedBody
 from .answer import PairAgents
 from .border import torn
 from .elements import DEEPEST_STEP
-from .goals import Goals
+from .goals import agents_of, judged
 from .history import Generation, generation_of, settled
 from .leaves import LeafCells
 from .space import refuse_rubber
@@ -59,12 +61,12 @@ class PairLoop:
     ) -> None:
         self.body: PosedBody | OutlinedBody = body
         self.tolerance = tolerance
-        self.goals = Goals(quantities, body)
+        self.goals = [goal_of(one, body) for one in quantities if isinstance(body, PosedBody)]
         self.most_agents = most_agents or (MOST_AGENTS if body.dimension == 2 else MOST_BRICKS)
         self.last: Any = None  # What they have found: opinions, or those of cut agents
         self.stopped = ""
         """Why it ended short of the tolerance, as in `PairAgents`."""
-        self.leaves = self.goals.start()
+        self.leaves = aligned(self.goals, body)
         self.generations: list[Generation] = []
         self.notes: list[str] = []
         self._without_gain, self._best, self._at_corners = 0, inf, 0.0
@@ -96,10 +98,12 @@ class PairLoop:
     def _solve(self) -> None:
         """Let the agents find their opinions, and judge these."""
         assert isinstance(self.body, PosedBody)
-        self.last = found = settled(self.body, self.leaves, self.last, self.goals.aims(self.last))
+        before = self.last and agents_of(self.last)
+        aims = [partial(goal.loaded, found=before) for goal in self.goals]
+        self.last = found = settled(self.body, self.leaves, self.last, aims)
         if not self.generations and torn(found.mesh, found.sides).any():
             self.notes.append(TORN)
-        self._judged = self.goals.judge(found, self.tolerance)
+        self._judged = judged(found, self.goals, self.tolerance)
 
     def outcome(self) -> PairAgents:
         """Return the agents as they are."""
@@ -143,7 +147,7 @@ class PairLoop:
         """Tell whether agents at corners will be as small as can be before they agree enough."""
         at, share = leaves.holding(self.body.sharp), self._judged.shares
         before, self._at_corners = self._at_corners, float(share[at].sum())
-        if self.goals.goals or not self._proves or not before or not len(at):
+        if self.goals or not self._proves or not before or not len(at):
             return False
         left = np.log2(leaves.size[at].min() / self.body.smallest)
         fall = min(self._at_corners / before, 1.0) ** (left / DEEPEST_STEP)

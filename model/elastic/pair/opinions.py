@@ -97,15 +97,8 @@ class Opinions(Fitting):
             shares = np.maximum(shares, self.by_agent(np.sum(apart, axis=0) ** 2))
         return bounds_of(np.transpose(told), float(shares.sum()), self.sides.rest), shares
 
-    @property
-    def bounds(self) -> Bounds:
-        """What the two opinions prove."""
-        return self._judged[0]
-
-    @property
-    def shares(self) -> Floats:
-        """The gap of each agent: its part of the squared distance of both opinions."""
-        return self._judged[1]
+    bounds = property(lambda told: told._judged[0], doc="What the two opinions prove.")
+    shares = property(lambda told: told._judged[1], doc="The gap of each agent.")
 
     def stresses_at(self, agent: Ints, inside: Floats) -> tuple[Floats, Floats]:
         """Return tensors of the stress that balances and of the strain that fits; scaled."""

@@ -136,7 +136,8 @@ class Bricks(Fitting):
         # What several supports hold together each of them holds to the same share.
         flat = np.swapaxes(held_by(mesh, sides), 0, 1).reshape(len(mesh.place) + len(mesh.ends), -1)
         holds = mesh.masters(flat).reshape(len(flat), -1, 3)
-        pull = self.pulls()[:, None] * holds / np.maximum(holds.sum(axis=1, keepdims=True), 1)
+        pull = (mesh.tied[0].T @ self._left().reshape(-1, 3))[:, None]
+        pull = pull * holds / np.maximum(holds.sum(axis=1, keepdims=True), 1)
         # A shift of a side moves its corners, and leaves the bulges at 0.
         total: Floats = np.asarray(pull[: len(mesh.place)].sum(axis=0))
         np.subtract.at(total, sides.support, sides.straight)

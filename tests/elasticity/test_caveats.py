@@ -6,8 +6,6 @@ import pytest
 from kaju import Scene, Stress, solve
 from kaju.errors import SingularPlaceError
 
-RING = {"m": {"youngs_modulus": 1e9, "poissons_ratio": 1 / 3}}
-
 
 def quarter_tube(cells):
     """A Lamé tube, inner radius 1 m and outer 2 m, under 1 MPa from within."""
@@ -21,7 +19,7 @@ def quarter_tube(cells):
             "material": "air",
             "regions": [{"disk": disk, "material": "m"}, {"disk": bore, "material": "air"}],
         },
-        materials=RING,
+        materials={"m": {"youngs_modulus": 1e9, "poissons_ratio": 1 / 3}},
         sides={"left": "roller", "bottom": "roller"},
         loads=[{"region": {"disk": around}, "pressure": 1e6}],
     )

@@ -123,7 +123,7 @@ def test_a_body_that_something_leaves_free_is_refused():
 def test_bounds_of_random_bodies_hold_the_energy_of_elements_and_of_more_agents(seed):
     try:
         scene = plane_body(seed)
-        coarse, fine = (kaju.solve(scene, tolerance=t) for t in (0.1, 0.03))
+        coarse, fine = (proved(scene, t) for t in (0.1, 0.03))
     except ConvergenceError as error:
         coarse = fine = error.best
     except KajuError:

@@ -23,12 +23,7 @@ from kaju.model.elastic.goals.quantities import (
 )
 from kaju.model.outline.hoop_stress import HoopStress, turn_in
 from kaju.model.outline.leaf_triangles import VagueError, leaf_triangles
-from kaju.model.outline.posed_outlines import (
-    SIDES,
-    OutlinedBody,
-    UnlikeError,
-    check_alone,
-)
+from kaju.model.outline.posed_outlines import SIDES, OutlinedBody, UnlikeError, check_alone
 from kaju.model.outline.true_shapes import SLIGHT, UNIT, covering
 from kaju.model.scene import Scene
 

@@ -89,17 +89,9 @@ NOBODY = -1  # Parent of the first agents, and first child of those that have no
 WORKING = -1  # Retirement of agents that have not retired
 
 _ROW = np.dtype(
-    [
-        ("code", np.int64),
-        ("size", np.int64),
-        ("parent", np.int64),
-        ("first_child", np.int64),
-        ("spawn_step", np.int64),
-        ("retired_step", np.int64),
-        ("cause", np.float64),
-        ("gap", np.float64),
-        ("chosen", np.bool_),
-    ]
+    [(name, np.int64) for name in ("code", "size", "parent", "first_child")]
+    + [("spawn_step", np.int64), ("retired_step", np.int64)]
+    + [("cause", np.float64), ("gap", np.float64), ("chosen", np.bool_)]
 )
 
 

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 from kaju.arrays import Floats, first_largest
 from kaju.errors import MechanismError, SceneError, brief, by_name, require
 from kaju.model.network import SpringNetwork, hexagon_body
-from kaju.model.network.assembler import Assembler
+from kaju.model.network.assembler import Assembler, spring_geometry
 from kaju.model.network.equilibrium import SingularTangentError, tangent_error
 from kaju.model.scene import Scene
 from kaju.model.stepper import Stepper
@@ -238,8 +238,7 @@ def _mechanism(body: SpringNetwork | Scene, weakness: SingularTangentError) -> M
             "body: some of its cells hang together by single faces, about which they turn freely; "
             "give smaller cells (scene.refine(2))"
         )
-    assembler = Assembler(body)
-    geometry = assembler.geometry(np.zeros_like(body.positions))
-    error = tangent_error(assembler, geometry, body.stiffness, weakness.direction, 0.0)
+    geometry = spring_geometry(body, np.zeros_like(body.positions))
+    error = tangent_error(Assembler(body), geometry, body.stiffness, weakness.direction, 0.0)
     assert isinstance(error, MechanismError)
     return error

@@ -149,14 +149,6 @@ class Assembler:
         self.free: Ints = coordinates[~network.held.ravel()[coordinates]]
         self._pattern = tangent_pattern(network, self.free)
 
-    def geometry(self, displacement: Floats) -> Geometry:
-        """Return lengths, directions and elongations under a displacement (n, dimension)."""
-        return spring_geometry(self.network, displacement)
-
-    def internal_force(self, geometry: Geometry, tension: Floats) -> Floats:
-        """Return the force of the springs on the nodes (N), shape (n, dimension)."""
-        return spring_forces(self.network, geometry, tension)
-
     def tangent(self, geometry: Geometry, tension: Floats, stiffness: Floats) -> csc_array:
         """Return how the free nodes resist small displacements (N/m), shape (f, f)."""
         return self._pattern.fill(self._blocks(geometry, tension, stiffness))

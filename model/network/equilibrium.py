@@ -21,8 +21,7 @@ from kaju.arrays import Floats
 from kaju.errors import BucklingError, ConvergenceError, MechanismError, TangentError
 from kaju.factors import factors_of
 
-from .assembler import Assembler, Geometry, along_springs
-from .springs import SpringNetwork
+from .assembler import Assembler, Geometry, along_springs, spring_forces, spring_geometry
 
 
 class SingularTangentError(ArithmeticError):
@@ -128,22 +127,14 @@ SpringLaw = Callable[[Floats], tuple[Floats, Floats]]
 """From elongations (m), shape (m,), to tensions (N) and their growth with length (N/m)."""
 
 
-class NetworkBalance(NamedTuple):
-    """A state in which every free node is in balance."""
+class NetworkState(NamedTuple):
+    """What a network has come to; in balance, if Newton's method found it."""
 
     displacement: Floats  # (m), shape (n, dimension)
     tension: Floats  # (N), shape (m,)
-    residual: float  # largest unbalanced force as a share of the largest force met
-    corrections: int  # number of linear systems solved
-
-
-def elastic_law(network: SpringNetwork) -> SpringLaw:
-    """Return the law T = K (L − λ)."""
-
-    def law(elongation: Floats) -> tuple[Floats, Floats]:
-        return network.stiffness * (elongation + network.prestretch), network.stiffness
-
-    return law
+    residual: float = 0.0  # largest unbalanced force as a share of the largest force met
+    corrections: int = 0  # number of linear systems solved
+    stage: float = 0.0  # point of the load path
 
 
 MOST = 25  # Corrections after which it gives up
@@ -159,7 +150,7 @@ def find_balance(
     given: Floats,
     force_scale: float,
     tolerance: float = 1e-12,
-) -> NetworkBalance:
+) -> NetworkState:
     """Correct a displacement until the springs carry the force.
 
     It starts near the answer (m), on its side of any instability. `given`: displacement (m) that
@@ -168,17 +159,16 @@ def find_balance(
     of the largest force. After too many corrections it gives up by a `ConvergenceError`; a tangent
     on the way that is singular or indefinite raises `SingularTangentError`.
     """
-    jump = np.where(assembler.network.held, given - displacement, 0.0)
-    geometry = assembler.geometry(displacement)
+    network = assembler.network
+    jump = np.where(network.held, given - displacement, 0.0)
+    geometry = spring_geometry(network, displacement)
     tension, stiffness = law(geometry.elongation)
     for corrections in range(MOST + 1):
-        unbalanced = assembler.restrict(force + assembler.internal_force(geometry, tension))
+        unbalanced = assembler.restrict(force + spring_forces(network, geometry, tension))
         force_scale = max(force_scale, np.abs(force).max(), np.abs(tension).max())
         residual = float(np.abs(unbalanced).max(initial=0.0))
         if residual <= tolerance * force_scale and not jump.any():
-            return NetworkBalance(
-                displacement, tension, residual / (force_scale or 1.0), corrections
-            )
+            return NetworkState(displacement, tension, residual / (force_scale or 1.0), corrections)
         if corrections == MOST:
             break
         if jump.any():
@@ -188,7 +178,7 @@ def find_balance(
         share = 1.0 if jump.any() else _line_search(assembler, law, displacement, step, force)
         displacement = displacement + share * step
         jump = np.zeros_like(jump)
-        geometry = assembler.geometry(displacement)
+        geometry = spring_geometry(network, displacement)
         tension, stiffness = law(geometry.elongation)
     raise ConvergenceError(
         f"after {MOST} corrections {residual:.3g} N are still unbalanced, of "
@@ -223,8 +213,9 @@ def _line_search(
     """
 
     def slope(share: float) -> float:
-        geometry = assembler.geometry(displacement + share * step)
-        unbalanced = force + assembler.internal_force(geometry, law(geometry.elongation)[0])
+        geometry = spring_geometry(assembler.network, displacement + share * step)
+        tension, _ = law(geometry.elongation)
+        unbalanced = force + spring_forces(assembler.network, geometry, tension)
         return abs(float(np.vdot(assembler.restrict(unbalanced), assembler.restrict(step))))
 
     first, share = slope(0.0), 1.0

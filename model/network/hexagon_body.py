@@ -12,8 +12,6 @@ M. Ostoja-Starzewski, "Lattice models in micromechanics", Applied Mechanics Revi
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
 from kaju.agents.materials import Material
@@ -38,59 +36,39 @@ def hexagon_body(scene: Scene) -> SpringNetwork:
             f"body.lattice: a spring network stands for cells of hexagons, got "
             f'{scene.lattice.kind!r}; set lattice = "hexagon"'
         )
-    cells, kind = _body_cells(scene)
+    lattice = scene.lattice
+    cells = np.argwhere(scene.rasterise() >= 0)
+    cells = cells[np.lexsort(cells.T)]  # row by row
+    # The number of each cell, -1 where there is no body, with a rim for what lies beyond the array.
+    number = np.full(np.array(lattice.shape) + 2, -1)
+    number[tuple((cells + 1).T)] = np.arange(len(cells))
+    kind = scene.kinds(cells)
     stiffness = np.array([_spring_stiffness(m, scene) for m in scene.cell_materials])[kind]
-    inner, inner_stiffness = _springs_between(scene, cells, stiffness)
-    contacts = _contacts(scene, cells)
-    nodes = len(cells) + len(contacts.cell)
-    middles = scene.lattice.centres(cells)
-    faces = (
-        middles[contacts.cell]
-        + 0.5 * scene.lattice.cell_size * (scene.lattice.normals[contacts.arm])
-    )
-    outer = np.stack([contacts.cell, np.arange(len(cells), nodes)], axis=1)
-    held = np.zeros((nodes, 2), dtype=bool)
-    held[: len(cells)] = contacts.across
-    held[len(cells) :] = True
-    forces, displacements = _loads(scene, cells, contacts, nodes)
+    inner = _springs_between(scene, cells, number)
+    first, second = stiffness[inner.T]
+    beside, arm, given, across = _contacts(scene, cells)
+    nodes = len(cells) + len(beside)
+    middles = lattice.centres(cells)
+    faces = middles[beside] + 0.5 * lattice.cell_size * lattice.normals[arm]
+    outer = np.stack([beside, np.arange(len(cells), nodes)], axis=1)
+    forces = np.zeros((scene.stages, nodes, 2))
+    displacements = np.zeros_like(forces)
+    for stage in range(scene.stages):
+        applied = scene.applied(stage + 1)
+        np.add.at(forces[stage], number[tuple((applied.cells + 1).T)], applied.force)
+        displacements[stage, len(cells) :] = given * ((stage + 1) / scene.stages)
     names = [tuple(cell) for cell in cells.tolist()]
-    faces_held = zip(contacts.cell.tolist(), contacts.arm.tolist(), strict=True)
-    names += [(*names[cell], arm) for cell, arm in faces_held]
+    names += [(*names[cell], way) for cell, way in zip(beside.tolist(), arm.tolist(), strict=True)]
     return SpringNetwork.build(
         np.concatenate([middles, faces]),
         np.concatenate([inner, outer]),
-        np.concatenate([inner_stiffness, 2.0 * stiffness[contacts.cell]]),
-        held=held,
+        np.concatenate([2.0 * first * second / (first + second), 2.0 * stiffness[beside]]),
+        held=np.concatenate([across, np.ones(faces.shape, dtype=bool)]),
         forces=forces,
         displacements=displacements,
         names=names,
         notes=_notes(scene),
     )
-
-
-class _Contacts(NamedTuple):
-    """Where cells of the body meet what holds them."""
-
-    cell: Ints  # row of the body's cell, one for every face that is held
-    arm: Ints  # direction of the face
-    given: Floats  # displacement of what lies beyond (m), shape (faces, 2)
-    across: Flags  # which coordinates of the body's cells rollers hold, shape (cells, 2)
-
-
-def _body_cells(scene: Scene) -> tuple[Cells, Ints]:
-    lower, upper = scene.bounds()
-    count = int(np.prod(upper - lower))
-    if count > 20_000_000:
-        raise SceneError(
-            f"body.cells: {count} cells are too many for a spring network, which holds them all "
-            f"at once; take up to 20000000"
-        )
-    columns, rows = np.meshgrid(*map(np.arange, lower, upper))
-    cells = np.stack([columns.ravel(), rows.ravel()], axis=1).astype(np.int64)
-    kind = scene.kinds(cells)
-    if not (kind >= 0).any():
-        raise SceneError("body: has no cells")
-    return cells[kind >= 0], kind[kind >= 0]
 
 
 def _spring_stiffness(material: Material, scene: Scene) -> float:
@@ -101,23 +79,22 @@ def _spring_stiffness(material: Material, scene: Scene) -> float:
     return float(np.sqrt(3.0) / 2.0 * modulus * scene.thickness)
 
 
-def _springs_between(scene: Scene, cells: Cells, stiffness: Floats) -> tuple[Ints, Floats]:
-    """Springs between cells that share a face, and their stiffness: two halves in series."""
-    lattice = scene.lattice
-    key = lattice.key(cells)
-    order = np.argsort(key)
+def _springs_between(scene: Scene, cells: Cells, number: Ints) -> Ints:
+    """Return springs between cells that share a face."""
     pairs = []
-    for arm in lattice.axes.tolist():
-        beside = lattice.key(lattice.neighbours(cells, arm))
-        place = np.minimum(np.searchsorted(key[order], beside), len(key) - 1)
-        found = key[order][place] == beside
-        pairs.append(np.stack([np.flatnonzero(found), order[place[found]]], axis=1))
-    springs = np.concatenate(pairs)
-    first, second = stiffness[springs.T]
-    return springs, 2.0 * first * second / (first + second)
+    for arm in scene.lattice.axes.tolist():
+        beside = number[tuple((scene.lattice.neighbours(cells, arm) + 1).T)]
+        there = np.flatnonzero(beside >= 0)
+        pairs.append(np.stack([there, beside[there]], axis=1))
+    return np.concatenate(pairs)
 
 
-def _contacts(scene: Scene, cells: Cells) -> _Contacts:
+def _contacts(scene: Scene, cells: Cells) -> tuple[Ints, Ints, Floats, Flags]:
+    """Return where the body is held, a row for each face, and what rollers hold.
+
+    The body's cell, the direction of the face, and the displacement of what lies beyond (m), shape
+    (faces, 2); then which coordinates of the cells rollers hold, shape (cells, 2).
+    """
     lattice = scene.lattice
     found, arms, given = [], [], []
     across = np.zeros(cells.shape, dtype=bool)
@@ -140,21 +117,7 @@ def _contacts(scene: Scene, cells: Cells) -> _Contacts:
         arms.append(np.full(len(faces), arm, dtype=np.int64))
         by_side = (kind[faces] == cell_types.DISPLACED)[:, None]
         given.append(np.where(by_side, shifts[side[faces]], 0.0))
-    return _Contacts(np.concatenate(found), np.concatenate(arms), np.concatenate(given), across)
-
-
-def _loads(scene: Scene, cells: Cells, contacts: _Contacts, nodes: int) -> tuple[Floats, Floats]:
-    """Return forces and given displacements at the end of every stage, (stages, nodes, 2)."""
-    key = scene.lattice.key(cells)
-    order = np.argsort(key)
-    forces = np.zeros((scene.stages, nodes, 2))
-    displacements = np.zeros_like(forces)
-    for stage in range(1, scene.stages + 1):
-        applied = scene.applied(stage)
-        rows = order[np.searchsorted(key[order], scene.lattice.key(applied.cells))]
-        np.add.at(forces[stage - 1], rows, applied.force)
-        displacements[stage - 1, len(cells) :] = contacts.given * (stage / scene.stages)
-    return forces, displacements
+    return np.concatenate(found), np.concatenate(arms), np.concatenate(given), across
 
 
 def _notes(scene: Scene) -> tuple[str, ...]:

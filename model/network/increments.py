@@ -9,7 +9,7 @@ in halves without a word: the states at the ends of the increments stay the same
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -17,12 +17,11 @@ from kaju.arrays import Floats
 from kaju.errors import ConvergenceError, ParameterError, TangentError, require
 from kaju.model.stepper import Stepper
 
-from .assembler import Assembler, Geometry
+from .assembler import Assembler, Geometry, spring_forces, spring_geometry
 from .equilibrium import (
     DirectSolver,
-    NetworkBalance,
+    NetworkState,
     SingularTangentError,
-    elastic_law,
     find_balance,
     solve_tangent,
     tangent_error,
@@ -33,16 +32,6 @@ from .springs import SpringNetwork
 
 class JumpError(ConvergenceError):
     """The balance that was found lies far from where the network was."""
-
-
-class NetworkRecord(NamedTuple):
-    """State of a network at one point of the load path."""
-
-    stage: float
-    displacement: Floats
-    tension: Floats
-    residual: float
-    corrections: int
 
 
 class NetworkModel(Stepper[NetworkResult]):
@@ -100,9 +89,8 @@ class NetworkModel(Stepper[NetworkResult]):
         self.network, self.increments, self.tolerance = network, increments, tolerance
         self.scheme: Scheme = scheme
         self.assembler, self.solver = Assembler(network), DirectSolver()
-        self.law = elastic_law(network)
         self._force_scale = float(np.abs(network.forces).max())
-        self.records: list[NetworkRecord] = []
+        self.records: list[NetworkState] = []
         self._settle()
 
     def advance(self) -> None:
@@ -136,24 +124,22 @@ class NetworkModel(Stepper[NetworkResult]):
 
     def result(self) -> NetworkResult:
         """Return what has been computed so far."""
-        return NetworkResult(
-            network=self.network,
-            stage=np.array([record.stage for record in self.records]),
-            displacement=np.stack([record.displacement for record in self.records]),
-            tension=np.stack([record.tension for record in self.records]),
-            residual=np.array([record.residual for record in self.records]),
-            corrections=np.array([record.corrections for record in self.records]),
-            scheme=self.scheme,
-            seconds=self.seconds,
-        )
+        columns = map(np.array, zip(*self.records, strict=True))
+        records: dict[str, Any] = dict(zip(NetworkState._fields, columns, strict=True))
+        return NetworkResult(self.network, **records, scheme=self.scheme, seconds=self.seconds)
+
+    def law(self, elongation: Floats) -> tuple[Floats, Floats]:
+        """Return tensions K (L − λ) of elongations, and their growth with these."""
+        network = self.network
+        return network.stiffness * (elongation + network.prestretch), network.stiffness
 
     def _settle(self) -> None:
         """Let springs that are stretched or pressed from the start come into balance."""
         rest = np.zeros_like(self.network.positions)
-        start = NetworkRecord(0.0, rest, self.network.stiffness * self.network.prestretch, 0.0, 0)
+        start = NetworkState(rest, self.network.stiffness * self.network.prestretch)
         self.records.append(start)
         try:
-            balance = self._balance(start, 0.0)
+            self.records[0] = self._balance(start, 0.0)
         except SingularTangentError as weakness:
             raise self._gives_way(start, weakness) from None
         except ConvergenceError as trouble:
@@ -161,10 +147,9 @@ class NetworkModel(Stepper[NetworkResult]):
                 "rest_length: without any load the springs find no balance near the first "
                 f"positions ({trouble}); place the nodes nearer to it"
             ) from trouble
-        self.records[0] = NetworkRecord(0.0, *balance)
 
-    def _euler_step(self, last: NetworkRecord, goal: float) -> NetworkRecord:
-        geometry = self.assembler.geometry(last.displacement)
+    def _euler_step(self, last: NetworkState, goal: float) -> NetworkState:
+        geometry = spring_geometry(self.network, last.displacement)
         tension, stiffness = self.law(geometry.elongation)
         jump = self.network.displacement_at(goal) - self.network.displacement_at(last.stage)
         load = self.network.force_at(goal) - self.network.force_at(last.stage)
@@ -181,21 +166,21 @@ class NetworkModel(Stepper[NetworkResult]):
                 f"between stage {last.stage:.6g} and {goal:.6g} {complaint}: take more than "
                 f"{self.increments} increments, or correct them (solve)"
             )
-        geometry = self.assembler.geometry(displacement)
+        geometry = spring_geometry(self.network, displacement)
         tension, _ = self.law(geometry.elongation)
-        springs = self.assembler.internal_force(geometry, tension)
+        springs = spring_forces(self.network, geometry, tension)
         unbalanced = self.assembler.restrict(self.network.force_at(goal) + springs)
         scale = max(self._force_scale, float(np.abs(tension).max())) or 1.0
         residual = np.abs(unbalanced).max(initial=0.0) / scale
-        return NetworkRecord(goal, displacement, tension, residual, 1)
+        return NetworkState(displacement, tension, residual, 1, goal)
 
-    def _newton_step(self, last: NetworkRecord, goal: float) -> NetworkRecord:
+    def _newton_step(self, last: NetworkState, goal: float) -> NetworkState:
         start, size, corrections = last.stage, goal - last.stage, 0
         finest = 2.0**-10 * size
         while last.stage < goal:
             target = goal if last.stage + 1.001 * size >= goal else last.stage + size
             try:
-                balance = self._balance(last, target)
+                last = self._balance(last, target)
             except (SingularTangentError, ConvergenceError) as trouble:
                 size /= 2.0
                 if size >= finest:
@@ -208,12 +193,11 @@ class NetworkModel(Stepper[NetworkResult]):
                     f"no balance was found beyond stage {last.stage:.6g} (between {start:.6g} "
                     f"and {goal:.6g}): {trouble}"
                 ) from trouble
-            corrections += balance.corrections
-            last = NetworkRecord(target, *balance)
+            corrections += last.corrections
             size *= 2.0
         return last._replace(corrections=corrections)
 
-    def _balance(self, last: NetworkRecord, target: float) -> NetworkBalance:
+    def _balance(self, last: NetworkState, target: float) -> NetworkState:
         balance = find_balance(
             self.assembler,
             self.solver,
@@ -228,26 +212,26 @@ class NetworkModel(Stepper[NetworkResult]):
         if complaint:
             raise JumpError(complaint)
         self._force_scale = max(self._force_scale, float(np.abs(balance.tension).max()))
-        return balance
+        return balance._replace(stage=target)
 
     def _leap(self, start: Floats, end: Floats) -> str:
         """Return what shows that a step was a leap to another branch; empty if it was none.
 
         On the way from one stable state to a near one the network resists all along.
         """
-        before, after = (self.assembler.geometry(state) for state in (start, end))
+        before, after = (spring_geometry(self.network, state) for state in (start, end))
         turn = np.einsum("ij,ij->i", before.direction, after.direction)
         ratio = after.length / before.length
         if not ((turn > np.cos(np.pi / 4.0)) & (ratio > 0.5) & (ratio < 2.0)).all():
             return "a spring turns by more than 45° or changes its length by half"
         moved = np.where(self.network.held, 0.0, end - start)
         for share in (0.25, 0.5, 0.75):
-            geometry = self.assembler.geometry(start + share * (end - start))
+            geometry = spring_geometry(self.network, start + share * (end - start))
             if self.assembler.resistance(geometry, *self.law(geometry.elongation), moved) < 0.0:
                 return "the network snaps through states that do not resist"
         return ""
 
-    def _check_stable(self, record: NetworkRecord) -> None:
+    def _check_stable(self, record: NetworkState) -> None:
         """Refuse a state that gives way."""
         geometry, stiffness = self._geometry_and_stiffness(record)
         try:
@@ -255,11 +239,11 @@ class NetworkModel(Stepper[NetworkResult]):
         except SingularTangentError as weakness:
             raise self._gives_way(record, weakness) from None
 
-    def _geometry_and_stiffness(self, record: NetworkRecord) -> tuple[Geometry, Floats]:
-        geometry = self.assembler.geometry(record.displacement)
+    def _geometry_and_stiffness(self, record: NetworkState) -> tuple[Geometry, Floats]:
+        geometry = spring_geometry(self.network, record.displacement)
         return geometry, self.law(geometry.elongation)[1]
 
-    def _weakest(self, record: NetworkRecord) -> SingularTangentError:
+    def _weakest(self, record: NetworkState) -> SingularTangentError:
         """Return the direction that a state resists least, by inverse iteration."""
         geometry, stiffness = self._geometry_and_stiffness(record)
         self.solver.factorise(self.assembler.tangent(geometry, record.tension, stiffness))
@@ -268,7 +252,7 @@ class NetworkModel(Stepper[NetworkResult]):
             direction = self.solver.solve(direction / np.linalg.norm(direction))
         return SingularTangentError(direction / np.linalg.norm(direction))
 
-    def _gives_way(self, last: NetworkRecord, weakness: SingularTangentError) -> TangentError:
+    def _gives_way(self, last: NetworkState, weakness: SingularTangentError) -> TangentError:
         """Name the nodes that move, and attach what was computed up to here."""
         geometry, stiffness = self._geometry_and_stiffness(last)
         error = tangent_error(self.assembler, geometry, stiffness, weakness.direction, last.stage)

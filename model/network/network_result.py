@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 import numpy as np
-from scipy.interpolate import LinearNDInterpolator, make_interp_spline
+from scipy.interpolate import make_interp_spline
 
 from kaju import __version__
 from kaju.arrays import Floats, Ints, first_largest
@@ -16,50 +16,11 @@ from kaju.model.results.result import BALANCE, Check, Result
 from kaju.model.results.stored import Column
 
 from .assembler import Geometry, spring_forces, spring_geometry
-from .springs import SpringNetwork, Springs
+from .springs import SpringNetwork
 
 if TYPE_CHECKING:
     import networkx as nx
     import pandas as pd
-
-
-def triangles(springs: Springs) -> Ints:
-    """Return every three nodes of which each is joined to both others, shape (t, 3)."""
-    joined = np.unique(np.sort(springs, axis=1), axis=0)  # by lower end, then by higher
-    nodes = int(joined.max()) + 1
-    low, high = joined.T
-    # Two springs with the same lower end make a triangle if their higher ends are joined.
-    following = np.searchsorted(low, low, side="right") - np.arange(len(low)) - 1
-    first = np.repeat(np.arange(len(low)), following)
-    start = np.cumsum(following) - following
-    second = first + 1 + np.arange(len(first)) - np.repeat(start, following)
-    key = low * nodes + high
-    wanted = high[first] * nodes + high[second]
-    found = key[np.minimum(np.searchsorted(key, wanted), len(key) - 1)] == wanted
-    corners: Ints
-    corners = np.stack([low[first], high[first], high[second]], axis=1)[found]
-    return corners
-
-
-def inverted_triangles(network: SpringNetwork, displacement: Floats) -> Ints:
-    """Return the triangles of a plane network that lie the other way round, shape (k, 3).
-
-    There a node has passed through the spring between two others, as no piece of matter
-    could. In space a triangle has no sense, and none is returned.
-    """
-    if network.dimension != 2:
-        return np.empty((0, 3), dtype=np.int64)
-    corners = triangles(network.springs)
-
-    def areas(positions: Floats) -> Floats:
-        """Twice the signed area of each triangle (m²)."""
-        (ax, ay), (bx, by) = (
-            (positions[corners[:, k]] - positions[corners[:, 0]]).T for k in (1, 2)
-        )
-        return np.asarray(ax * by - ay * bx)
-
-    sense = areas(network.positions) * areas(network.positions + displacement)
-    return corners[sense < 0.0]
 
 
 Scheme = Literal["newton", "euler"]
@@ -184,31 +145,6 @@ class NetworkResult(Result):
             raise ResultError("share_of_height: all nodes lie at one height")
         return self.largest_displacement(record)[1] / height
 
-    def triangles_turned_over(self, record: int = -1) -> list[tuple[Hashable, ...]]:
-        """Return the names of every three joined nodes that lie the other way round.
-
-        Only a network in the plane has any. Where there is one, springs have passed through
-        each other, and the network no longer stands for a body.
-        """
-        turned = inverted_triangles(self.network, self.displacement[record]).tolist()
-        return [tuple(self.network.names[node] for node in corners) for corners in turned]
-
-    def displacement_at(self, points: Floats) -> Floats:
-        """Return the last displacement (m) at points (m), linear between the nodes.
-
-        Raises
-        ------
-        ResultError
-            If a point lies outside the convex hull of the nodes.
-        """
-        linear = LinearNDInterpolator(self.network.positions, self.displacement[-1])
-        values = np.asarray(linear(np.atleast_2d(points)), dtype=np.float64)
-        outside = np.flatnonzero(np.isnan(values).any(axis=1))
-        if len(outside):
-            place = np.atleast_2d(points)[outside[0]].tolist()
-            raise ResultError(f"displacement_at: the point {place} lies outside the network")
-        return values
-
     def summary(self) -> dict[str, Any]:
         """Return the key figures as plain numbers and strings."""
         node, distance = self.largest_displacement()
@@ -229,7 +165,6 @@ class NetworkResult(Result):
             "largest_displacement_node": str(node),
             "largest_tension_N": max(stretched, 0.0),
             "largest_compression_N": max(-pressed, 0.0),
-            "triangles_turned_over": len(self.triangles_turned_over()),
             "strain_energy_J": self.strain_energy(),
             "work_J": self.work(),
             "notes": list(self.notes),

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 from scipy.spatial import Delaunay
 
 from kaju.arrays import Flags, Floats, Ints
-from kaju.errors import ParameterError
+from kaju.errors import ParameterError, require
 
 from .springs import SpringNetwork, Springs, with_some
 
@@ -39,10 +39,7 @@ def triangular(
     named by its row, counted from the bottom, and its place in it.
     """
     rows = width if rows is None else rows
-    _at_least(2, width=width, rows=rows)
-    _positive(spacing=spacing)
-    row, place = _places(width, rows)
-    positions = spacing * np.stack([place + 0.5 * (row % 2), row * (np.sqrt(3.0) / 2.0)], axis=1)
+    row, place, positions = _nodes(width, rows, spacing)
     length = width - row % 2
     held = (row % 2 == 0) & ((place == 0) | (place == length - 1))
     forces = np.zeros_like(positions)
@@ -54,7 +51,7 @@ def triangular(
         raise ParameterError(f"width: at {width} only held nodes are pressed; take 3 or more")
     return SpringNetwork.build(
         positions,
-        _triangular_springs(width, rows),
+        _triangular_springs(row, place),
         stiffness,
         held=held,
         forces=forces,
@@ -81,16 +78,13 @@ def jittered(
     spacing, from 0 to below 0.5.
     """
     rows = width if rows is None else rows
-    _at_least(2, width=width, rows=rows)
-    _positive(spacing=spacing)
-    if not 0.0 <= jitter < 0.5:
-        raise ParameterError(f"jitter: must be a share from 0 to below 0.5, got {jitter}")
-    row, place = _places(width, rows)
-    positions = np.stack([place + 0.5 * (row % 2), row * (np.sqrt(3.0) / 2.0)], axis=1)
+    right = 0.0 <= jitter < 0.5
+    require(right, f"jitter: must be a share from 0 to below 0.5, got {jitter}")
+    row, place, positions = _nodes(width, rows, spacing)
     last = width - 1 - row % 2
     inner = (row > 0) & (row < rows - 1) & (place > 0) & (place < last)
     shift = np.random.default_rng(seed).uniform(-jitter, jitter, positions.shape)
-    positions = spacing * (positions + inner[:, None] * shift)
+    positions += spacing * inner[:, None] * shift
     springs = _delaunay(positions)
     length = np.linalg.norm(np.diff(positions[springs], axis=1)[:, 0], axis=1)
     ends = (place == 0) | (place == last)
@@ -156,22 +150,27 @@ def pulled(
     return replace(network, held=held, forces=load[None], displacements=nothing)
 
 
-def _places(width: int, rows: int) -> tuple[Ints, Ints]:
-    """Row, and place in its row, of every node of a triangular lattice."""
+def _nodes(width: int, rows: int, spacing: float) -> tuple[Ints, Ints, Floats]:
+    """Return row, place in its row, and position (m) of every node of a triangular lattice."""
+    for name, value in (("width", width), ("rows", rows)):
+        require(value >= 2, f"{name}: must be at least 2, got {value}")
+    right = isfinite(spacing) and spacing > 0.0
+    require(right, f"spacing: must be a length above 0 m, got {spacing}")
     row, place = (index.ravel() for index in np.indices((rows, width)))
     exists = place < width - row % 2
-    return row[exists], place[exists]
+    row, place = row[exists], place[exists]
+    across, height = place + 0.5 * (row % 2), row * (np.sqrt(3.0) / 2.0)
+    return row, place, spacing * np.stack([across, height], axis=1)
 
 
-def _triangular_springs(width: int, rows: int) -> Springs:
-    row, place = _places(width, rows)
-    number = np.full((rows + 1, width + 1), -1, dtype=np.int64)  # -1: beyond the lattice
+def _triangular_springs(row: Ints, place: Ints) -> Springs:
+    """Return the springs along the rows, and from each row to the next."""
+    number = np.full((row.max() + 2, place.max() + 2), -1, dtype=np.int64)  # -1: beyond the lattice
     number[row, place] = np.arange(len(row))
     left = place - 1 + row % 2  # place of the upper left neighbour in the next row
-    ends = [number[row, place + 1], number[row + 1, left], number[row + 1, left + 1]]
-    ends[1] = np.where(left >= 0, ends[1], -1)
-    springs = [_pairs(np.arange(len(row)), end) for end in ends]
-    every = np.concatenate(springs)
+    upper_left = np.where(left >= 0, number[row + 1, left], -1)
+    ends = [number[row, place + 1], upper_left, number[row + 1, left + 1]]
+    every = np.concatenate([_pairs(np.arange(len(row)), end) for end in ends])
     return every[every[:, 1] >= 0]
 
 
@@ -185,15 +184,3 @@ def _delaunay(positions: Floats) -> Springs:
 
 def _pairs(first: Ints, second: Ints) -> Springs:
     return np.stack([first.ravel(), second.ravel()], axis=1)
-
-
-def _at_least(least: int, **numbers: int) -> None:
-    for name, value in numbers.items():
-        if value < least:
-            raise ParameterError(f"{name}: must be at least {least}, got {value}")
-
-
-def _positive(**lengths: float) -> None:
-    for name, value in lengths.items():
-        if not (isfinite(value) and value > 0.0):
-            raise ParameterError(f"{name}: must be a length above 0 m, got {value}")

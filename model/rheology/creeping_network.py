@@ -114,8 +114,8 @@ class CreepingNetwork(Creeping):
             return stiffness * (elongation + network.prestretch - rest), stiffness
 
         load, given = factor * network.forces[-1], factor * network.displacements[-1]
-        geometry = assembler.geometry(displacement)
-        carried = -assembler.internal_force(geometry, law(geometry.elongation)[0])
+        geometry = spring_geometry(network, displacement)
+        carried = -spring_forces(network, geometry, law(geometry.elongation)[0])
         scale = self._force_scale(stiffness, rest)
         trouble: Exception | None = None
         for parts in (1, 2, 4, 8, 16):  # shares of the load, one after the other

@@ -6,7 +6,7 @@ from plates import PLATE
 from spawning_bodies import STEEL, drawn
 
 from kaju import ElasticResult, Scene, solve
-from kaju.errors import ConvergenceError, SupportError
+from kaju.errors import ConvergenceError, ResultError, SupportError
 
 
 def bar(**changes):
@@ -27,6 +27,14 @@ def test_a_pulled_bar_stretches_as_it_must():
     np.testing.assert_allclose(result.displacement_at(points), expected, atol=1e-15)
     np.testing.assert_allclose(result.displacement, result.middle * [1e-3, -0.25e-3], atol=1e-15)
     np.testing.assert_allclose(result.stress_at(points), 4 * [[[1000, 0], [0, 0]]], atol=1e-6)
+    line = result.profile((0.0, 0.02), (0.16, 0.02))  # of 101 points, half of them in the body
+    assert len(line) == 51
+    np.testing.assert_allclose(line["distance (m)"], np.linspace(0.0, 0.08, 51))
+    moved = line[["displacement_x (m)", "displacement_y (m)"]]
+    np.testing.assert_allclose(moved, line[["x (m)", "y (m)"]] * [1e-3, -0.25e-3], atol=1e-15)
+    np.testing.assert_allclose(line["stress_xx (Pa)"], 1000.0)
+    with pytest.raises(ResultError, match=r"profile: no point from \[1, 1\] to \[2, 2\] lies in"):
+        result.profile((1, 1), (2, 2))
     # Parents can stretch evenly too, so the grid has no error here, and says so.
     assert result.error_estimate < 1e-6
     np.testing.assert_allclose(result.strain[..., 0, 0], 1e-3, rtol=1e-9)

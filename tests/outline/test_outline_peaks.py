@@ -41,14 +41,14 @@ def plate(*regions: dict[str, Any], pull: float = 1.0, size: float = 20.0, cells
 # Of plates twenty times as wide as the hole's half, by quadratic triangles with curved sides: 3, 7
 # and Goodier's 2.149 of infinite ones, and half a per cent.
 @pytest.mark.parametrize(
-    ("hole", "truth", "tolerance", "most"),
+    ("hole", "truth", "tolerance"),
     [
-        (region(**DISK), 3.0213, 0.005, 800),
-        (region(**FLAT), 7.0320, 0.02, 700),
-        (region("soft", **DISK), 2.1576, 0.01, 1000),
+        (region(**DISK), 3.0213, 0.005),
+        (region(**FLAT), 7.0320, 0.02),
+        (region("soft", **DISK), 2.1576, 0.01),
     ],
 )
-def test_the_peak_is_known_to_the_tolerance(hole, truth, tolerance, most) -> None:
+def test_the_peak_is_known_to_the_tolerance(hole, truth, tolerance) -> None:
     answer = kaju.solve(plate(hole), tolerance=tolerance, goal=HOOP)
     (goal,) = answer.goals
     assert goal.quantity == HOOP
@@ -58,7 +58,7 @@ def test_the_peak_is_known_to_the_tolerance(hole, truth, tolerance, most) -> Non
     assert goal.relative_error <= tolerance
     assert (goal.error_bound, answer.tolerance_kept) == (None, "estimated")
     assert "proved" in goal.no_bound
-    assert answer.agents < most
+    assert answer.agents < 300
     with pytest.raises(kaju.KajuError, match="along the outline 'hole' only the stress 'hoop'"):
         answer.value_of(kaju.Stress("hole", "xx"))
 
@@ -126,6 +126,17 @@ def test_where_an_outline_meets_a_side_the_angle_says_whether_stress_has_a_limit
         assert near.any() == (angle in without)
 
 
+def test_errors_of_a_small_peak_are_shares_of_a_hundredth_of_the_largest_stress() -> None:
+    holes = [("bore", 2.0), ("hole", 7.0)]  # far from each other in a bar that is held at one end
+    regions = [region(name=n, disk={"centre": [x, 1.0], "radius": 0.5}) for n, x in holes]
+    body = {"size": [12.0, 2.0], "cells": [24, 4], "material": "matrix", "regions": regions}
+    loads = [{"outline": "bore", "pressure": 1.0}]
+    answer = kaju.solve(plate(body=body, sides={"left": "rigid"}, loads=loads), 0.2, goal=HOOP)
+    (goal,), least = answer.goals, 0.01 * np.abs(answer.stress).max()
+    assert 0.0 < abs(goal.value) < 0.1 * least
+    assert goal.error_estimate == pytest.approx(least * goal.relative_error, rel=0.05)
+
+
 def test_a_peak_is_stored(tmp_path: Path) -> None:
     answer = kaju.solve(plate(region(**DISK)), tolerance=0.05, goal=HOOP)
     loaded = kaju.load_result(answer.save(tmp_path / "plate"))
@@ -158,6 +169,7 @@ SQUARE = {"box": [[5.0, 5.0], [6.0, 6.0]]}
         (HOOP, plate(RIM, size=7.0, cells=7, sides={"top": "rigid"}), "side 'top'.* no goal"),
         ("top", plate(region(disk={"centre": [9.0, 15.0], "radius": 5.0})), "touches .*'top'"),
         (HOOP, plate(region(**DISK | {"outline": "cells"}), size=4.0), 'outline = "true"'),
+        (HOOP, plate(region("matrix", **DISK)), "no part of the body ends along 'hole'"),
     ],
 )
 def test_what_has_no_peak_is_refused_by_name(asked, scene, told) -> None:

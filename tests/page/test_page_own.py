@@ -83,6 +83,12 @@ def test_what_is_overridden_is_recorded_and_named(name):
     assert header_of(packed_page(model.run()))["kind"] == "recorded"
 
 
+def test_a_run_that_was_cut_short_is_recorded():
+    """The page's own run would go on."""
+    short = LoadModel(plate(), max_generations=3).run()
+    assert header_of(packed_page(short))["kind"] == "recorded"
+
+
 @pytest.mark.parametrize("name", ["Soft", "Ice", "first_only"])
 def test_a_page_moves_cells_as_python_does(name, shown):
     model = LoadModel(plate(), **OWN[name])

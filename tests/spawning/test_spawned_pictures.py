@@ -59,6 +59,23 @@ def test_plane_shows_the_agents_that_it_meets(solid):
     assert "cut at z = 990 mm" in words(figure)
 
 
+@pytest.mark.parametrize(
+    ("crop", "low", "seen"), [(False, 0.0, [2, 2, 1.5]), (True, 0.25, [1.5] * 3)]
+)
+def test_in_space_the_quarter_before_two_planes_is_cut_away(solid, crop, low, seen):
+    """All faces that are left: their areas across each axis, and where they are."""
+    figure = plot(solid, "agents", crop=crop)
+    assert "cut away: x above 500 mm, y below 500 mm" in words(figure)
+    assert figure.axes[0].get_zlim() == (low, 1.0)
+    faces = np.array(drawn(figure, "agents")._faces)
+    a, b, _, d = np.moveaxis(faces, 1, 0)
+    np.testing.assert_allclose(np.abs(np.cross(b - a, d - a)).sum(axis=0), seen)
+    edges = np.unique(np.ptp(faces, axis=1).max(axis=1).round(9))
+    np.testing.assert_allclose(edges, np.unique(solid.size))
+    x, y, _ = faces.mean(axis=1).T
+    assert ((x <= 0.5) | (y >= 0.5)).all()
+
+
 def test_fields_are_drawn_on_the_agents(flat):
     size = np.linalg.norm(flat.displacement, axis=1)
     found = drawn(plot(flat, "displacement"), "map").get_array()

@@ -63,6 +63,12 @@ def test_supports_answer_what_reached_them(engine):
     np.testing.assert_allclose(pushed.reactions["bottom"], [0, 0.4096 - 0.068719], atol=5e-7)
     np.testing.assert_allclose(pulled.reactions["bottom"], -pushed.reactions["bottom"])
     assert pushed.summary()["reaction"] == {"bottom": pushed.reactions["bottom"].tolist()}
+    # A roller answers across its side alone, rigid ground along it, too.
+    load, sides = {"cell": [1, 2], "force": [-2.0, -3.0]}, {"bottom": "rigid", "left": "roller"}
+    rule = PrescribedRule(alpha=(0.5, 0.5, 0.25), beta=0.5, threshold=0.01)
+    found = LoadModel(loaded([5, 5], load, sides=sides, rule=rule), engine=engine).run().reactions
+    assert found["left"][0] > 0.0 == found["left"][1]
+    assert found["bottom"].min() > 0.0
 
 
 @ENGINES

@@ -104,7 +104,7 @@ def solve_petsc(
     known = np.isfinite(missed) and energy > 0.0
     error = sqrt(max(missed / (2.0 * energy), 0.0)) if known else 0.0
     errors = error, residuals[-1]
-    own = faces, energy, "PETSc multigrid", *errors, len(levels), residuals, converged, notes
+    own = faces, energy, "PETSc multigrid", *errors, residuals, converged, notes
     solution = Solution(*own)
     seconds = perf_counter() - began
     if comm.Get_size() == 1:
@@ -180,7 +180,6 @@ def _pieced(
         "reaction": {name: force.tolist() for name, force in sorted(reaction.items())},
         "iterations": solution.iterations,
         "residual": solution.residuals[-1],
-        "levels": solution.levels,
         "method": solution.method,
         "subdivision": division,
         "notes": list(solution.notes),

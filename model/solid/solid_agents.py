@@ -12,8 +12,7 @@ from kaju.arrays import Flags, Floats
 from kaju.errors import SceneError
 from kaju.model.elastic.arguments import check_numbers
 from kaju.model.elastic.equal.cell_agents import CellAgents
-from kaju.model.elastic.equal.grid import Grid, Origin, problem_of_scene
-from kaju.model.elastic.equal.problem import ElasticProblem
+from kaju.model.elastic.equal.grid import Grid, problem_of_scene
 from kaju.model.elastic.equal.solver import solve_problem
 from kaju.model.elastic.equal.staggered import axis_pairs, edge_modulus
 from kaju.model.elastic.equal.supports import check_supports, slender_cell
@@ -62,14 +61,13 @@ def grid_of_solid(scene: Scene, resolution: int) -> tuple[Grid, Floats]:
     two = [part for count in solid.shape for part in (count, 2)]
     share = eighths.reshape(two).mean(axis=(1, 3, 5))
     body = thick(share >= SLIVER)
-    grid, like, origin = _posed(scene, body, solid.edge)
-    for _ in range(30):  # a cell that turns freely about a face is as good as thin
-        narrow = slender_cell(like)
-        if narrow is None:
-            break
-        body[tuple(np.add(narrow, origin))] = False
-        body = thick(body)
-        grid, like, origin = _posed(scene, body, solid.edge)
+    if not body.any():
+        raise SceneError(
+            f"body.regions: nothing of the body is two cells of {solid.edge:.3g} m thick; give a "
+            "larger resolution"
+        )
+    grid = scene_of_cells(scene, body, solid.edge)
+    like, origin = problem_of_scene(grid)
     left_out = 1.0 - float(share[body].sum() / share.sum())
     # More than 5 % are refused, and more than 0.01 % noted.
     if left_out > 0.05 or slender_cell(like) is not None:
@@ -90,17 +88,6 @@ def grid_of_solid(scene: Scene, resolution: int) -> tuple[Grid, Floats]:
     notes = (f"{left_out:.1g} of the body is too thin for the cells, and left out",)
     problem = replace(problem, edges=edges)
     return Grid(grid, problem, origin, resolution, notes if left_out > 1e-4 else ()), share
-
-
-def _posed(scene: Scene, body: Flags, edge: float) -> tuple[Scene, ElasticProblem, Origin]:
-    """Return the scene of some cells, and what it poses if they are whole."""
-    if not body.any():
-        raise SceneError(
-            f"body.regions: nothing of the body is two cells of {edge:.3g} m thick; give a larger "
-            "resolution"
-        )
-    grid = scene_of_cells(scene, body, edge)
-    return grid, *problem_of_scene(grid)
 
 
 def solid_of(scene: Scene, resolution: int) -> SolidBody:

@@ -18,7 +18,6 @@ from kaju.model.scene import Scene
 from . import fields
 from .fields import reactions
 from .grid import Grid, problem_of_scene, repeated
-from .problem import ABSENT, FaceFields
 from .staggered import Strains, energy_of_cells
 from .system import Solution
 
@@ -137,13 +136,6 @@ class CellAgents(OnCells):
     def parts(self) -> Strains:
         """Normal stresses of the box's cells, shear stresses of its edges."""
         return fields.stress_parts(self.problem, self.solution.displacement)
-
-    @property
-    def face_displacement(self) -> FaceFields:
-        """Normal displacement of the box's faces per axis; NaN where there is no body."""
-        pairs = zip(self.solution.displacement, self.problem.face_states, strict=True)
-        inner = self.problem.inner
-        return tuple(np.where(state == ABSENT, np.nan, values)[inner] for values, state in pairs)
 
     @cached_property
     def corner_displacement(self) -> Floats:

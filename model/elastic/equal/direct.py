@@ -112,7 +112,7 @@ def by_factors(problem: ElasticProblem, discretisation: float | None = None) -> 
         # The least that elimination leaves of a face's stiffness, as a share of it.
         pivot = np.min(np.abs(factors.U.diagonal()) / own[np.argsort(factors.perm_c)])
         lost = float(np.finfo(np.float64).eps / pivot)
-    solution = system.solution(run, "direct", discretisation, 1)
+    solution = system.solution(run, "direct", discretisation)
     judge_rounding(system, solution, own * run.solution, lost)
     return solution
 

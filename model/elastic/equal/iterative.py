@@ -129,7 +129,7 @@ def continued(
 def _of_multigrid(system: System, hierarchy: Hierarchy, run: Iteration, missed: float) -> Solution:
     """Return an iteration that has ended as a solution."""
     method = "full multigrid" if hierarchy.plain else "Galerkin multigrid"
-    solution = system.solution(run, method, missed, len(hierarchy.levels))
+    solution = system.solution(run, method, missed)
     # Of second order in what the iteration left, where the load's work is of first.
     x, right = run.solution, system.right
     solution.energy += 0.5 * (dot(x, right) - dot(x, hierarchy.apply(x)))
@@ -257,6 +257,6 @@ def _by_mixed_form(
     discretisation = sqrt(max(roughness / whole, 0.0)) if whole > 0 else 0.0
     if not run.converged and numbering.size <= DIRECT_LIMIT[problem.dimension]:
         return _factorised(problem, discretisation, "the mixed form did not converge")
-    solution = system.solution(run, "mixed form", discretisation, len(mixed.block.levels))
+    solution = system.solution(run, "mixed form", discretisation)
     judge_rounding(system, solution, run.solution)
     return solution

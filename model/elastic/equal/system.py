@@ -32,7 +32,6 @@ class Solution:
     method: str  # "direct", "full multigrid", "Galerkin multigrid", "mixed form"
     discretisation: float  # Estimated relative error in the energy norm: of the grid,
     algebraic: float  # and of the iteration
-    levels: int
     residuals: list[float]
     converged: bool
     notes: list[str] = field(default_factory=list)  # What the solver decided by itself
@@ -101,7 +100,7 @@ class System:
         residual = self.load - self._space.gather(inner)
         return float(np.sqrt(dot(residual, residual) / whole)) if whole > 0.0 else 0.0
 
-    def solution(self, run: Iteration, method: str, missed: float, levels: int) -> Solution:
+    def solution(self, run: Iteration, method: str, missed: float) -> Solution:
         """Return an iteration that has ended as a solution."""
         return Solution(
             displacement=self.displacement(run.solution),
@@ -109,7 +108,6 @@ class System:
             method=method,
             discretisation=missed,
             algebraic=run.errors[-1],
-            levels=levels,
             residuals=run.residuals,
             converged=run.converged,
         )

@@ -320,7 +320,6 @@ class ElasticModel(SteppedModel):
             method=f"agents, {table.order}",
             discretisation=0.0,
             algebraic=self.error_estimate,
-            levels=len(table.levels),
             residuals=[record.error_estimate for record in self.history],
             converged=self.at_rest,
             notes=notes,

@@ -6,7 +6,7 @@ Its parts come first: steps, agents, ledger, and moments on the way.
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, NamedTuple, Self, cast
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from kaju import __version__
 from kaju.arrays import Floats, Ints
 from kaju.model.elastic.elastic_result import ElasticResult
-from kaju.model.elastic.equal.cell_agents import CellAgents
 from kaju.model.elastic.moduli import scene_moduli
 from kaju.model.elastic.relaxation.push_state import PushState
 from kaju.model.elastic.relaxation.push_table import WaveCertificate
@@ -192,12 +191,6 @@ class ElasticRun(BodyResult):
     def grid(self) -> Scene:
         """The scene on the cells whose faces the agents stand on."""
         return self.result.grid
-
-    @property
-    def displacement(self) -> tuple[Floats, ...]:
-        """Per axis the displacement (m) of the faces normal to it; NaN where there is no body."""
-        found = cast(CellAgents, self.result.found)
-        return tuple(found.scales.displacement * values for values in found.face_displacement)
 
     @property
     def energy(self) -> Floats:

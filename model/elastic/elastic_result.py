@@ -23,7 +23,6 @@ from kaju.model.elastic.goals.quantities import (
     Goal,
     Place,
     Quantity,
-    Stress,
     described,
     plain,
     quantities_of,
@@ -364,12 +363,11 @@ class ElasticResult(BodyResult):
             raise ResultError(f"{told}; there is {', '.join(known) or 'none with a name'}")
         return units.length * known[name].place, units.stress * known[name].moved
 
-    @property
-    def _hoop(self) -> dict[str, float]:
-        """The largest hoop stress (Pa) along every named outline at which the body ends."""
-        unit, along = self.found.scales.stress, self.found.along
-        found = {name: unit * one.counted().moved for name, one in along.items()}
-        return {n: float(own[np.abs(own).argmax()]) for n, own in found.items() if len(own)}
+    def _largest_along(self, component: str = HOOP) -> dict[str, float]:
+        """Return the largest stress (Pa) by amount along every named outline that has one."""
+        unit, column = self.found.scales.stress, "moved" if component == HOOP else "equivalent"
+        found = {name: getattr(one.counted(), column) for name, one in self.found.along.items()}
+        return {n: float(unit * one[np.abs(one).argmax()]) for n, one in found.items() if len(one)}
 
     @property
     def max_displacement(self) -> float:
@@ -420,30 +418,26 @@ class ElasticResult(BodyResult):
         ParameterError
             If it is unknown, of another dimension, outside of the body, or without a limit there.
         ResultError
-            If it is the stress along an outline at which the body does not end.
+            If it is the stress along an outline at which the body does not end, or has no limit.
         """
         (asked,) = quantities_of(quantity)
         for goal in self.goals:
             if goal.quantity == asked:
                 return goal.value
-        if isinstance(asked, Stress) and asked.component == HOOP:
-            places, _ = self.outline_stress(name := str(asked.at))  # refuses other names
-            if len(places) and name not in self._hoop:
-                raise ResultError(
-                    f"value_of: the stress along {name!r} has no limit, and it has no rounded part "
-                    "away from such places; ask for the stress at a point"
-                )
-            if name not in self._hoop:
-                raise ResultError(
-                    f"value_of: along {name!r} the body does not end, and no two materials "
-                    "meet, so nothing is known there; ask for the stress at a point"
-                )
-            return self._hoop[name]
-        at = getattr(asked, "at", None)
-        if isinstance(at, str) and at in [region.name for region in self.scene.body.regions]:
+        at, component = (getattr(asked, name, None) for name in ("at", "component"))
+        named = isinstance(at, str) and at in [region.name for region in self.scene.body.regions]
+        if component == HOOP or (named and component == "von_mises"):
+            places, _ = self.outline_stress(name := str(at))  # refuses other names
+            if (value := self._largest_along(component).get(name)) is not None:
+                return value
+            why = "the body does not end, and no two materials meet, so nothing is known there"
+            if len(places):
+                why = "stress has no limit, and no part is rounded away from where it has none"
+            raise ResultError(f"value_of: along {name!r} {why}; ask for the stress at a point")
+        if named:
             raise ParameterError(
-                f"value_of: along the outline {at!r} only the stress {HOOP!r} can be asked for; "
-                "for others give a point, a box or a side"
+                f"value_of: along the outline {at!r} only the stresses {HOOP!r} and 'von_mises' "
+                "can be asked for; for others give a point, a box or a side"
             )
         if not self.scene.outlined:
             refuse_singular(self.scene, [asked], "value_of")
@@ -481,7 +475,7 @@ class ElasticResult(BodyResult):
             "largest_stress_Pa": self.largest_stress.value,
             "largest_stress_at_m": list(self.largest_stress.at),
             "largest_stress_has_no_limit": self.largest_stress.no_limit or None,
-            "largest_hoop_stress_Pa": self._hoop or None,
+            "largest_hoop_stress_Pa": self._largest_along() or None,
             "reaction": {name: force.tolist() for name, force in self.reactions.items()},
             "method": self.found.solution.method,
             "iterations": max(len(self.residuals) - 1, 0),

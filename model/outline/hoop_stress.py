@@ -30,6 +30,7 @@ class HoopStress:
     balanced: Floats  # hoop stress of the stress in balance: outside where two materials meet
     moved: Floats
     """The same of the displacement, with the tension of the stress in balance: the better one."""
+    equivalent: Floats  # that of von Mises, of this and the traction of the stress in balance
     counts: Flags
     """Which may be the largest: where stress has no limit at a place, those of rounded parts."""
 
@@ -64,7 +65,13 @@ class HoopStress:
         stretch = np.einsum(turned, d, strain, d)
         k, g = np.array(pair.laws[1]).reshape(-1, 2)[law].T
         moved = (4.0 * k * g * stretch + (k - g) * tension) / (k + g)
-        values = np.column_stack([middle, np.einsum(turned, d, stress, d), moved])
+        across = (
+            0.5 * (1.0 - g / k) * (moved + tension) if pair.body.asked.plane == "strain" else 0.0
+        )
+        squares = (moved - tension) ** 2 + (tension - across) ** 2 + (across - moved) ** 2
+        equivalent = np.sqrt(0.5 * squares + 3.0 * np.einsum(turned, d, stress, n) ** 2)
+        balanced = np.einsum(turned, d, stress, d)
+        values = np.column_stack([middle, balanced, moved, equivalent])
         order = np.argsort(way)
         if len(order):  # a fifth or more beyond the array lies after the end, wherever it starts
             gaps = np.diff(way[order], append=way[order[0]] + whole)
@@ -80,8 +87,8 @@ class HoopStress:
         np.add.at(means, group, (long / total[group])[:, None] * values)
         first = np.unique(group, return_index=True)[1]
         counts = _may_be_largest(pair, region)[leaf[first]]
-        balanced, moved = means[:, 2:].T
-        return cls(leaf[first], means[:, :2], balanced, moved, counts)
+        balanced, moved, equivalent = means[:, 2:].T
+        return cls(leaf[first], means[:, :2], balanced, moved, equivalent, counts)
 
 
 def _may_be_largest(pair: CutPair, region: int) -> Flags:

@@ -59,7 +59,7 @@ def test_the_peak_is_known_to_the_tolerance(hole, truth, tolerance) -> None:
     assert (goal.error_bound, answer.tolerance_kept) == (None, "estimated")
     assert "proved" in goal.no_bound
     assert answer.agents < 300
-    with pytest.raises(kaju.KajuError, match="along the outline 'hole' only the stress 'hoop'"):
+    with pytest.raises(kaju.KajuError, match="along the outline 'hole' only the stresses 'hoop'"):
         answer.value_of(kaju.Stress("hole", "xx"))
 
 
@@ -81,6 +81,12 @@ def test_peaks_of_a_ring_are_lames(name, within, pressure, truth) -> None:
     np.testing.assert_allclose(answer.outline_stress(name)[1], truth, rtol=0.02)
     assert abs(answer.goals[0].value - truth) < answer.goals[0].error_estimate
     assert answer.tolerance_kept == "estimated"
+    across = -pressure if name == "hole" else 0.0
+    equivalent = np.sqrt(truth**2 - truth * across + across**2)
+    told = [note for note in answer.notes if "von Mises reaches" in note and name in note]
+    assert len(told) == (name == "hole")
+    reached = answer.value_of(kaju.Stress(name, "von_mises"))
+    assert reached == pytest.approx(equivalent, rel=0.015)
 
 
 def test_a_peak_of_an_outline_at_a_rigid_side_is_that_of_its_rounded_parts() -> None:
@@ -100,7 +106,7 @@ def test_a_peak_of_an_outline_at_a_rigid_side_is_that_of_its_rounded_parts() -> 
     blunt = kaju.solve(plate(body=body, sides={"top": "rigid"}, loads=loads), 0.1)
     assert blunt.summary()["largest_hoop_stress_Pa"] is None
     assert any("'hole'" in note and "is not told" in note for note in blunt.notes)
-    with pytest.raises(kaju.KajuError, match="no rounded part"):
+    with pytest.raises(kaju.KajuError, match="no part is rounded"):
         blunt.value_of(HOOP)
 
 

@@ -76,7 +76,8 @@ class Stress(_Parsed):
         The mean counts, unless it is a point.
     component : str
         Such as "yy" or "xy", or "von_mises": the equivalent stress; or "hoop": the largest by
-        amount along the true outline of the region that `at` names; below 0 it is pressed.
+        amount along the true outline of the region that `at` names; below 0 it is pressed. Of
+        such an outline `value_of` also gives the largest "von_mises".
 
     Examples
     --------

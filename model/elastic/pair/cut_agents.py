@@ -202,19 +202,27 @@ class CutAgents(PairAgents):
                 f"{loose} part{'s' * (loose > 1)} of the body without support and without load; "
                 "if a support was meant, give it"
             )
-        for name, one in self.along.items():
-            if asked and asked.at == name:
-                continue
-            if not one.counts.all():
-                parts = "that of its rounded parts" if one.counts.any() else "not told"
+        loaded = [load.outline for load in self.ground.asked.loads]
+        for name, every in self.along.items():
+            along, sought = every.counted(), asked is not None and asked.at == name
+            if not every.counts.all() and not sought:
+                parts = "that of its rounded parts" if len(along.moved) else "not told"
                 notes.append(
                     f"along {name!r} stress has no limit at a corner or where it meets a side: its "
                     f"largest hoop stress is {parts}"
                 )
-            if not len((along := one.counted()).moved):
+            if not len(along.moved):
                 continue
             at = int(np.abs(along.moved).argmax())
             peak, off = mega * float(along.moved[at]), mega * along.apart(at)
+            reached = mega * float(along.equivalent.max())
+            if name in loaded and reached > 1.01 * abs(peak):
+                notes.append(
+                    f"along {name!r} loads act on the edge, so the hoop stress is not the "
+                    f"equivalent stress: von Mises reaches about {reached:.4g} MPa there"
+                )
+            if sought:
+                continue
             # A peak that is off both fields there by more is noted.
             if off > 0.04 * abs(peak):
                 rough.append(f"{peak:.4g} MPa at {name!r} may be off by about {off:.2g} MPa")

@@ -26,7 +26,7 @@ from kaju.model.scene import Scene
 from kaju.result_kinds import KINDS, fetch
 
 from .deformed import check_magnification
-from .films import WRITERS, Film, evenly, ffmpeg, frames, write_pictures
+from .films import WRITERS, Film, evenly, ffmpeg, frames
 from .motion import Motion
 from .plots import check_options, pictures_of
 from .section import check_word
@@ -150,7 +150,8 @@ def animate(
     moments = [every[k] for k in evenly(len(every), MOST_FRAMES)]
     if not ending:
         with new_folder(target) as folder:
-            write_pictures(frames(draw, moments, bare=bare, mode="RGBA"), folder)
+            for number, image in enumerate(frames(draw, moments, bare=bare, mode="RGBA")):
+                image.save(folder / f"{number:04d}.png")
         return target
     with atomic_file(target, ResultFileError) as scratch:
         WRITERS[ending](frames(draw, moments, bare=bare), scratch, fps or film.fps, hold)

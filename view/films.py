@@ -31,10 +31,6 @@ def evenly(count: int, most: int) -> Ints:
     return np.unique(np.linspace(0, count - 1, min(count, most)).round().astype(np.int64))
 
 
-def _nothing(_result: Any, _options: Mapping[str, Any]) -> dict[str, Any]:
-    return {}
-
-
 class Film(NamedTuple):
     """A picture over the values of one of its options."""
 
@@ -42,7 +38,7 @@ class Film(NamedTuple):
     option: str
     moments: Callable[[Any], Sequence[Any]]
     """The values of the option, in order, of a result."""
-    fixed: Callable[[Any, Mapping[str, Any]], dict[str, Any]] = _nothing
+    fixed: Callable[[Any, Mapping[str, Any]], dict[str, Any]] = lambda *_: {}
     """Options that all frames share, of a result and the options that were asked for."""
     fps: float = 2.0
 
@@ -183,12 +179,6 @@ def ffmpeg(target: Path) -> str:
         import imageio_ffmpeg
     program: str = imageio_ffmpeg.get_ffmpeg_exe()
     return program
-
-
-def write_pictures(shown: Iterator[Image.Image], folder: Path) -> None:
-    """Write one PNG file a frame."""
-    for number, image in enumerate(shown):
-        image.save(folder / f"{number:04d}.png")
 
 
 WRITERS = {".gif": _write_gif, ".webp": _write_webp, ".mp4": _write_mp4}

@@ -9,14 +9,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import permutations
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from kaju.arrays import Floats, Ints
 from kaju.model.elastic.elastic_result import ElasticResult
-from kaju.model.elastic.pair.cut_agents import CutAgents
 from kaju.model.results.mesh import corner_order
 from kaju.model.results.result import BodyResult, Curves, solved_scene
 from kaju.model.scene import Scene
@@ -166,34 +165,20 @@ def loaded(result: ElasticResult) -> Motion:
     )
 
 
-def network(result: NetworkResult) -> Motion:
-    """Return the states of a spring network along its load path."""
-    return _springs(result, result.stage, "stage", network_curves(result))
-
-
-def network_in_time(result: NetworkCreepResult) -> Motion:
-    """Return a spring network that creeps."""
-    shares = np.asarray(result.factors)
-    return _springs(result.to_network_result(), result.times, "s", result.curves(), shares)
-
-
-def _springs(
-    result: NetworkResult,
-    at: Floats,
-    along: str,
-    curves: Sequence[Curves],
-    shares: Floats | None = None,
-) -> Motion:
+def network(result: NetworkResult | NetworkCreepResult) -> Motion:
+    """Return the states of a spring network along its load path, or in time."""
+    creeps, own = result.kind == "network in time", cast(Any, result)
+    still: NetworkResult = own.to_network_result() if creeps else own
     return Motion(
-        points=result.network.positions,
-        parts=result.network.springs,
-        at=at,
-        along=along,
-        values={"tension": ("N", np.asarray(result.tension))},
-        moved=np.asarray(result.displacement),
-        curves=curves,
-        shares=shares,
-        **_supports(result.network),
+        points=still.network.positions,
+        parts=still.network.springs,
+        at=own.times if creeps else still.stage,
+        along="s" if creeps else "stage",
+        values={"tension": ("N", np.asarray(still.tension))},
+        moved=np.asarray(still.displacement),
+        curves=own.curves() if creeps else network_curves(still),
+        shares=np.asarray(own.factors) if creeps else None,
+        **_supports(still.network),
     )
 
 
@@ -266,24 +251,21 @@ def element(result: CreepResult) -> Motion:
 
 
 def elastic_answer(result: ElasticResult) -> Motion:
-    """Return how agents spawned; of equal agents how they move with the load."""
-    return spawned(result) if result.spawned else loaded(result)
+    """Return agents of every generation, each from when it spawned to when it retired.
 
-
-def spawned(result: ElasticResult) -> Motion:
-    """Return agents of every generation, each from when it spawned to when it retired."""
+    Of equal agents how they move with the load.
+    """
+    if not result.spawned:
+        return loaded(result)
     family, count = result.family, len(result.generations)
     rows, dimension = family.rows, result.lower.shape[1]
     # Of the agents that stand at the end also how they are stressed and move.
     standing, end = family.standing(count - 1), loaded(result)
-    places = (family.lower[standing], family.size[standing]), (result.lower, result.size)
-    order, own = (np.lexsort((size, *lower.T)) for lower, size in places)
-    standing = standing[order]
     stress = np.full((count, len(family.size)), np.nan)
-    stress[-1, standing] = result.von_mises[own]
+    stress[-1, standing] = result.von_mises
     moved = np.zeros((count, len(family.size), end.parts.shape[1], dimension))
     assert end.moved is not None
-    moved[-1, standing] = end.moved[-1][end.parts[own]]
+    moved[-1, standing] = end.moved[-1][end.parts]
     values = {"von_mises": ("Pa", stress), "level": ("", family.level.astype(float))}
     values["gap"] = "J", np.nan_to_num(rows["gap"])
     values |= _opinions(result)
@@ -319,11 +301,17 @@ def _within_outlines(result: ElasticResult, shown: Motion) -> Motion:
     rings = found.rings()
     places, moved = (np.concatenate(part) for part in zip(*rings, strict=True))
     still = np.zeros((len(shown.moved) - 1, *moved.shape))
+    drawn = []
+    for name in found.along:  # the hoop stress over the way along the outline
+        (x, y), hoop = result.outline_stress(name)[0].T, result.outline_stress(name)[1]
+        way = np.append(0.0, np.cumsum(np.hypot(np.diff(x), np.diff(y))))[: len(hoop)]
+        title = f"Hoop stress: {name}"
+        drawn.append(Curves(title, "place", "m", way, {"hoop stress": hoop}, "Pa"))
     return replace(
         shown,
         points=np.concatenate([shown.points, places]),
         moved=np.concatenate([shown.moved, np.concatenate([still, moved[None]])], axis=1),
-        curves=[*shown.curves, *along_outlines(result, found)],
+        curves=[*shown.curves, *drawn],
         outlines=[len(ring) for ring, _ in rings],
     )
 
@@ -468,14 +456,3 @@ def _faces_moved(run: ElasticRun, along: Floats) -> Floats:
         known = np.pad(along[:, other], [(0, 0), (0, 1)])  # the last for faces that are not there
         moved[:, one, b] = known[:, near].sum(axis=2) / np.isfinite(far).sum(axis=1).clip(1)
     return moved
-
-
-def along_outlines(result: ElasticResult, found: CutAgents) -> list[Curves]:
-    """Return the hoop stress over the way along every named outline."""
-    drawn = []
-    for name in found.along:
-        (x, y), hoop = result.outline_stress(name)[0].T, result.outline_stress(name)[1]
-        way = np.append(0.0, np.cumsum(np.hypot(np.diff(x), np.diff(y))))[: len(hoop)]
-        title = f"Hoop stress: {name}"
-        drawn.append(Curves(title, "place", "m", way, {"hoop stress": hoop}, "Pa"))
-    return drawn

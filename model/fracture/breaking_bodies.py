@@ -271,24 +271,6 @@ class BreakingNetwork(WeakeningBody):
         return np.asarray(tension)
 
 
-def check_breakable(network: SpringNetwork) -> None:
-    """Refuse a network that is none to be broken."""
-    if network.stages > 1:
-        raise SceneError(
-            "loads: must have one stage, which is scaled until springs break, got "
-            f"{network.stages}; give the forces (or displacements) of one of them: "
-            "network.with_loads(...)"
-        )
-    stretched = np.abs(network.prestretch) > 1e-9 * network.initial_length
-    if stretched.any():
-        spring = int(np.flatnonzero(stretched)[0])
-        raise SceneError(
-            f"rest_length: spring {spring} is stretched by {network.prestretch[spring]:.3g} m "
-            "before any load; a network that breaks must be free of force at first "
-            "(rest_length=None)"
-        )
-
-
 def _strain_matrix(assembler: Assembler, springs: Ints, direction: Floats) -> csr_array:
     """Return elongation per displacement of the free coordinates, shape (springs, f)."""
     count, dimension = direction.shape

@@ -13,7 +13,7 @@ from kaju.model.network.equilibrium import SingularTangentError, tangent_error
 from kaju.model.scene import Scene
 from kaju.model.stepper import Stepper
 
-from .breaking_bodies import Measure, check_breakable
+from .breaking_bodies import Measure
 from .fracture_result import COLUMNS, FractureResult, body_of, parts_of
 
 PARTED = "parted: what is left hardly resists the load, or not at all"
@@ -220,7 +220,20 @@ def _breakable(subject: SpringNetwork | Scene) -> SpringNetwork | Scene:
         if isinstance(subject, Scene):
             network = hexagon_body(subject)
             subject = network.with_loads(network.forces[-1], network.displacements[-1])
-        check_breakable(subject)
+        if subject.stages > 1:
+            raise SceneError(
+                "loads: must have one stage, which is scaled until springs break, got "
+                f"{subject.stages}; give the forces (or displacements) of one of them: "
+                "network.with_loads(...)"
+            )
+        stretched = np.abs(subject.prestretch) > 1e-9 * subject.initial_length
+        if stretched.any():
+            spring = int(np.flatnonzero(stretched)[0])
+            raise SceneError(
+                f"rest_length: spring {spring} is stretched by {subject.prestretch[spring]:.3g} m "
+                "before any load; a network that breaks must be free of force at first "
+                "(rest_length=None)"
+            )
         pushed, moved = bool(subject.forces.any()), bool(subject.displacements.any())
     if pushed == moved:
         found = "both" if pushed else "neither"

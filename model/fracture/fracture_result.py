@@ -119,9 +119,8 @@ class FractureResult(Result):
         """Number of breaks in every avalanche, the last one included: it may part the network."""
         return np.bincount(self.avalanche)
 
-    @property
-    def history(self) -> pandas.DataFrame:
-        """One row per break: what broke and where, load, displacement, energies, avalanche."""
+    def to_dataframe(self) -> pandas.DataFrame:
+        """Return a row for each break: what and where, load, displacement, energies, avalanche."""
         import pandas
 
         columns: dict[str, Any] = {self.parts: self.broken, **self._where()}
@@ -130,6 +129,8 @@ class FractureResult(Result):
             columns[name + units.get(name, "_J")] = getattr(self, name)
         columns["avalanche"] = self.avalanche
         return pandas.DataFrame(columns)
+
+    history = property(to_dataframe)
 
     def _where(self) -> dict[str, Any]:
         """Return the nodes of the springs, or the middles of the cells (m), that broke."""
@@ -144,10 +145,6 @@ class FractureResult(Result):
             "first": [names[node] for node in ends[:, 0]],
             "second": [names[node] for node in ends[:, 1]],
         }
-
-    def to_dataframe(self) -> pandas.DataFrame:
-        """Return the history."""
-        return self.history
 
     def state(self, breaks: int | None = None) -> NetworkResult | ElasticResult:
         """Return what is left after so many breaks, and the load that it bears.

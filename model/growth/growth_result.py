@@ -139,18 +139,15 @@ class GrowthResult(BodyResult):
     def _carrying(self, axis: int) -> Carrying:
         return self.answer._carrying(axis)
 
-    @property
-    def history(self) -> pandas.DataFrame:
-        """One row per step, the start included: compliance, volume, change, iterations."""
+    def to_dataframe(self) -> pandas.DataFrame:
+        """Return one row per step, the start included: compliance, volume, change, iterations."""
         import pandas
 
         columns = {"step": np.arange(self.steps + 1), "compliance_J": self.compliances}
         columns |= {"volume": self.volumes, "change": self.changes}
         return pandas.DataFrame(columns | {"iterations": self.iterations})
 
-    def to_dataframe(self) -> pandas.DataFrame:
-        """Return the history."""
-        return self.history
+    history = property(to_dataframe)
 
     def summary(self) -> dict[str, Any]:
         """Return the key figures as plain numbers and strings."""

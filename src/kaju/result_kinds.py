@@ -120,8 +120,8 @@ KINDS = {
         "model.rheology.creeping_network:NetworkCreepResult",
         pictures=_CREPT | {"deformed": "view.network_plots:plot_network"},
         films=_IN_TIME | {"times": "view.network_plots:TIMES"},
-        meshes={"times": "view.motion:network_in_time"},
-        page="view.motion:network_in_time",
+        meshes={"times": "view.motion:network"},
+        page="view.motion:network",
     ),
 } | {
     name: Kind(

@@ -81,7 +81,7 @@ def unproved(result: ElasticResult) -> tuple[str, ...]:
     if result.tolerance is None:
         return ()
     if result.goals:
-        return tuple(filter(None, (goal.doubt(result.tolerance) for goal in result.goals)))
+        return tuple(filter(None, (goal.doubt for goal in result.goals)))
     why = result.no_bound
     return (f"the error is estimated, not proved: {why}",) if why else ()
 

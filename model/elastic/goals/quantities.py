@@ -163,16 +163,11 @@ class Goal:
             "error_bound": self.error_bound,
         }
 
-    def doubt(self, tolerance: float) -> str:
-        """Say what is not proved of it; empty if it is within the tolerance for certain."""
-        error = f"{named(self.quantity)}: the error is"
-        if self.no_bound:
-            return (
-                f"{error} estimated as {self.relative_error:.2g}, without a proof: {self.no_bound}"
-            )
-        return (
-            f"{error} {self.relative_error:.2g} at most" if self.relative_error > tolerance else ""
-        )
+    @property
+    def doubt(self) -> str:
+        """That its error is estimated, and why; empty if it is proved."""
+        error = f"the error is estimated as {self.relative_error:.2g}, without a proof"
+        return f"{named(self.quantity)}: {error}: {self.no_bound}" if self.no_bound else ""
 
 
 def unit_of(quantity: Quantity, scales: Scales) -> float:

@@ -87,8 +87,7 @@ class Fitting:
     def _left(self) -> Floats:
         """Return the forces that nodes take of agents and beds, less the loads."""
         blocks = self.blocks
-        left = blocks.gather(blocks.times(self.fit) - forces_of(self.sides))
-        return left if blocks.extra is None else left + blocks.extra @ blocks.shared(self.fit)
+        return blocks.apply(blocks.shared(self.fit)) - blocks.gather(forces_of(self.sides))
 
     def displacement_at(self, agent: Ints, inside: Floats) -> Floats:
         """Return the displacement at places from 0 to 1 in agents, shape (n, d); scaled."""

@@ -44,12 +44,10 @@ class Bricks(Fitting):
     def energy(self) -> float:
         """The strain energy, by the loads' work where that is the more accurate."""
         # Where no side is moved, work less energy is off by the square of what is left to iterate.
-        total, blocks = 0.0, self.blocks
+        total = 0.0
         for case in self.cases:
-            energy = 0.5 * float(np.vdot(case.fit, blocks.times(case.fit)))
-            if blocks.extra is not None:
-                shared = blocks.shared(case.fit)
-                energy += 0.5 * float(shared @ (blocks.extra @ shared))
+            shared = self.blocks.shared(case.fit)
+            energy = 0.5 * float(shared @ self.blocks.apply(shared))
             total += energy if case.sides.moved.any() else case.work_on(case.fit) - energy
         return total
 

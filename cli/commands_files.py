@@ -75,23 +75,15 @@ def _begin(scene: Any) -> float:
     return solve(scene, rough).max_displacement
 
 
-def materials(
-    file: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE", help='A file of your own, which scenes name by materials = "FILE".'
-        ),
-    ] = None,
-) -> None:
-    """List the materials that scenes can use by name: the library's, or those of a file."""
+def materials() -> None:
+    """List the materials that scenes can use by name."""
     from rich.console import Console
     from rich.table import Table
 
     from kaju.agents.materials import LIBRARY
-    from kaju.model.scene.description import shared_materials
 
     table = Table("name", "E (Pa)", "ν", "density (kg/m³)", "source")
-    for material in (LIBRARY if file is None else shared_materials(file)).values():
+    for material in LIBRARY.values():
         table.add_row(
             material.name,
             f"{material.youngs_modulus:.4g}",

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from kaju.errors import ParameterError, ResultFileError
+from kaju.errors import ResultFileError
 from kaju.files import check_writable, hidden_folder, is_there, move_into_place
 from kaju.view import PICTURES
 from kaju.view.units import grouped, quantity
@@ -77,11 +77,7 @@ class Console:
     """Where the command prints: all, the key figures as one JSON object, or nothing but errors."""
 
     as_json: bool = False
-    quiet: bool = False
-
-    def __post_init__(self) -> None:
-        if self.as_json and self.quiet:
-            raise ParameterError("--quiet: prints nothing, so --json would be lost; take one")
+    quiet: bool = False  # but for the figures, if these are asked for
 
     def say(self, *lines: object) -> None:
         """Print lines for people."""

@@ -1,34 +1,19 @@
-"""What is made when the site is built: options and stored arrays."""
+"""What is made when the site is built: the options of all commands."""
 
 from __future__ import annotations
 
 import re
 from collections import Counter
-from dataclasses import is_dataclass
 from typing import Any
 
 import typer
 
 from kaju.cli import app
-from kaju.model.results.stored import described
-from kaju.model.study.reference import Reference
-from kaju.result_kinds import KINDS, fetch
 
 
 def with_lists(text: str) -> str:
-    """Return a text with its lists: where ``<!-- made: commands -->`` stands, say."""
-    made = {"commands": commands, "columns": columns}
-    return re.sub(r"^<!-- made: (\w+) -->$", lambda found: made[found[1]](), text, flags=re.M)
-
-
-def columns() -> str:
-    """Return the arrays of every kind of result, each with its shape, kind and range."""
-    lines, kinds = [], {name: fetch(kind.result) for name, kind in KINDS.items()}
-    for name, result in (kinds | {"reference": Reference}).items():
-        if is_dataclass(result):
-            told = dict(described(result)).items()
-            lines += [name, *(f"  {column:36} {rule}" for column, rule in told)]
-    return "\n".join(["```text", *lines, "```"])
+    """Return a text with the options where ``<!-- made: commands -->`` stands."""
+    return re.sub(r"^<!-- made: commands -->$", lambda _: commands(), text, flags=re.M)
 
 
 def commands() -> str:

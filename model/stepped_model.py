@@ -24,25 +24,9 @@ class Noted(NamedTuple):
 class SteppedModel(Model):
     """A Mesa model that can be run to its end, stopped on the way, and started again.
 
-    Parameters
-    ----------
-    rng, seed : int, optional
-        Seed of `rng` and `random`; give one of them. kaju's own agents draw no random numbers.
-
-    Attributes
-    ----------
-    running : bool
-        False at the end; `step` then does nothing and counts nothing.
-    steps : int
-        Steps taken since the start or the last `reset`.
-    datacollector : mesa.DataCollector
-        The model's `figures` after every step. Set another one to collect what you like. From
-        Mesa 3.5 on they are the data set "figures" of `data_registry`, too.
-
-    Raises
-    ------
-    ParameterError
-        If both seeds are given.
+    `rng`, `seed`: seed of `rng` and `random`; give one of them. `running` is False at the end, and
+    `step` then does nothing. `steps` are those since the start or the last `reset`. The figures
+    after every step are in `datacollector`, and from Mesa 3.5 on the data set "figures", too.
     """
 
     step: Callable[[], None]

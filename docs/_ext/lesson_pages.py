@@ -75,6 +75,6 @@ def setup(app: Sphinx) -> dict[str, bool]:
     """Register both."""
     app.add_role("public_name", public_name)
     app.connect("source-read", show_lesson)
-    app.connect("env-get-outdated", lambda *_: ["commands", "formats", "stability"])
+    app.connect("env-get-outdated", lambda *_: ["commands", "stability"])
     app.connect("autodoc-process-docstring", escape_bars)
     return {"parallel_read_safe": True}

@@ -1,4 +1,4 @@
-"""A triangular lattice of springs between two points: nodes, supports, matrix, and recipe.
+"""A triangular lattice of springs between two points: nodes, supports and matrix.
 
 Run `run.py` for the pictures; MODEL.md tells what there is to see.
 """
@@ -18,17 +18,9 @@ SHAPES = ((5, 9), (9, 5), (17, 17))  # Nodes in a long row, and rows: tall, wide
 NODES = (3, 5, 9, 17, 33)  # Rows of nodes that make up the same body, ever closer together
 
 
-RECIPES = {"more water": 0.7, "plain": 1.0, "with salt": 1.3}
-"""What is in the dough, and the factor by which it changes the stiffness of the springs.
-
-An assumption, to have something to compare: more water makes a noodle softer, salt makes it
-firmer (it draws the gluten together). The factors are chosen, not measured.
-"""
-
-
-def pressed(width: int, rows: int, stiffness: float = 1.0) -> NetworkResult:
+def pressed(width: int, rows: int) -> NetworkResult:
     """Return a lattice pressed between two points."""
-    return solve(triangular(width, rows, stiffness=stiffness, force=FORCE))
+    return solve(triangular(width, rows, force=FORCE))
 
 
 def same_body(rows: int, force: float = 0.02) -> NetworkResult:

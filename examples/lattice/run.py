@@ -1,4 +1,4 @@
-"""Press lattices of springs between two points: more nodes, other shapes, other recipes.
+"""Press lattices of springs between two points: more nodes, other shapes.
 
 python examples/lattice/run.py --out lattice
 """
@@ -21,7 +21,6 @@ sys.path.insert(0, str(Path(__file__).parent))
 import matplotlib.pyplot as plt
 from lattice import (
     NODES,
-    RECIPES,
     SHAPES,
     free_motions,
     pressed,
@@ -92,20 +91,6 @@ def matrix(path: Path) -> dict[str, Any]:
     }
 
 
-def recipes(path: Path) -> dict[str, Any]:
-    """Press lattices of softer and firmer springs, and draw how far they give."""
-    told = {
-        name: round(pressed(5, 5, stiffness).largest_displacement()[1], 6)
-        for name, stiffness in RECIPES.items()
-    }
-    figure, axes = plt.subplots(figsize=(4.6, 3.2))
-    axes.bar(list(told), [1e3 * tip for tip in told.values()], color="#c8963e", width=0.6)
-    axes.set_ylabel("tip gives by (mm)")
-    axes.set_title("Water and salt as spring constants (assumed)", fontsize=10, loc="left")
-    _save(figure, path / "recipes.png")
-    return told
-
-
 def _save(figure: Any, path: Path) -> None:
     figure.tight_layout()
     figure.savefig(path, dpi=110)
@@ -123,7 +108,6 @@ def main(arguments: list[str] | None = None) -> dict[str, Any]:
         "more nodes on the same body": more_nodes(asked.out),
         "matrix of connections": matrix(asked.out),
         "without supports": without_supports(),
-        "recipes (assumed)": recipes(asked.out),
     }
     (asked.out / "summary.json").write_text(json.dumps(summary, indent=1) + "\n")
     return summary

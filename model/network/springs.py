@@ -295,22 +295,11 @@ class SpringNetwork:
         notes: tuple[str, ...] = (),
         attributes: dict[str, Any] | None = None,
     ) -> SpringNetwork:
-        """Make a network from lists and single numbers.
+        """Make a network from lists and single numbers; arguments are those of the class.
 
-        Parameters
-        ----------
-        positions, springs
-            As the class says.
-        stiffness, rest_length : float or (m,) floats
-            One number holds for all springs. No rest length: each spring's length at first.
-        held : (n,) or (n, dimension) bools
-            Whole nodes or single coordinates.
-        forces, displacements : (n, dimension) or (stages, n, dimension) floats, optional
-            One stage or several; none: 0.
-        names : sequence of hashable, optional
-            None: 0, 1, 2, ...
-        notes, attributes
-            As the class says.
+        One `stiffness` or `rest_length` holds for all springs; without a rest length a spring has
+        the length that it begins with. `held` tells of whole nodes or of single coordinates,
+        `forces` and `displacements` of one stage or several. Names count from 0 unless given.
         """
         points = np.array(positions, dtype=np.float64, ndmin=2)
         links = np.array(springs, dtype=np.int64).reshape(-1, 2)

@@ -12,13 +12,13 @@ To store a result, annotate the fields of its dataclass, in the order in which t
 
 Only what the constructor takes is stored; what holds between fields is checked by the class in
 ``__post_init__`` (raise `ResultError`). What is known when a result is made, and found again when
-it is read, is an ``InitVar``. docs/formats.md lists the fields by itself.
+it is read, is an ``InitVar``.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields, is_dataclass
 from functools import cache
 from types import UnionType
@@ -70,33 +70,6 @@ class Column:
             raise _wrong(name, f"must be {high} or less, and holds {np.nanmax(found):g}")
         if self.order and not (len(found) and np.all(np.diff(found) > 0)):
             raise _wrong(name, "must hold rising numbers, one or more, and does not")
-
-    def text(self, dtype: np.dtype[Any]) -> str:
-        """Return the same in words."""
-        below = "<" if isinstance(self.high, str) and dtype.kind != "f" else "≤"
-        words = [
-            f"({', '.join(self.shape.split())}) {dtype}",
-            "" if self.low is None else f"≥ {self.low:g}",
-            "" if self.high is None else f"{below} {self.high}",
-            "" if self.finite else "or NaN",
-            self.order,
-        ]
-        return " ".join(filter(None, words))
-
-
-def described(form: Any, name: str = "") -> Iterator[tuple[str, str]]:
-    """Yield the arrays of a dataclass, by where they stand, each with what it must be."""
-    column = _column(form)
-    if column is not None:
-        yield name, column.text(_dtype(form))
-    elif _is_record(form) and form is not Scene:
-        for field, inner in fields_of(form).items():
-            yield from described(inner, _inside(name, field))
-    elif get_origin(form) in (Union, UnionType):
-        for each in get_args(form):
-            yield from described(each, name)
-    elif form is not Scene and _has_parts(form):
-        yield from described(get_args(form)[0], f"{name}.*")
 
 
 def sizes_of(scene: Scene) -> Sizes:

@@ -307,11 +307,6 @@ MaterialEntry = Annotated[
 ]
 
 
-def shared_materials(path: str | Path) -> dict[str, Material]:
-    """Return the materials in a file, by name: a table each, as under a scene's ``[materials]``."""
-    return _read(Path(path))[1]
-
-
 def with_shared(table: dict[str, Any], folder: Path) -> dict[str, Any]:
     """Return a scene's table in which tables stand for the file of materials that it names."""
     named = table.get("materials")
@@ -542,7 +537,8 @@ class Description(Described):
     @field_validator("materials", mode="before")
     @classmethod
     def _in_a_file(cls, materials: Any) -> Any:
-        return shared_materials(materials) if isinstance(materials, (str, Path)) else materials
+        named = isinstance(materials, (str, Path))
+        return _read(Path(materials))[1] if named else materials
 
     @field_validator("legend", mode="before")
     @classmethod

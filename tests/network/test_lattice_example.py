@@ -31,5 +31,5 @@ def test_it_writes_what_its_page_lists(tmp_path):
     page = (FOLDER / "MODEL.md").read_text()
     names = {path.name for path in tmp_path.iterdir()}
     assert names == {name for name in names if f"`{name}`" in page}
-    assert len(names) == 7
+    assert len(names) == 6
     assert json.loads((tmp_path / "summary.json").read_text()) == summary

@@ -20,11 +20,6 @@ from kaju.model.rheology.element import ThreeElement
 class Material:
     """An isotropic, linear elastic material.
 
-    Raises
-    ------
-    ParameterError
-        If a number is out of its range or not a number.
-
     Examples
     --------
     >>> from kaju import Material, Scene, solve

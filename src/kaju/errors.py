@@ -33,7 +33,7 @@ class KajuError(Exception):
 
 
 class ParameterError(KajuError, ValueError):
-    """An argument is outside its rule (a negative size, a share above 1, a NaN)."""
+    """An argument is outside its rule (a negative size, a share above 1, a NaN); all raise it."""
 
 
 class AgentError(ParameterError):
@@ -148,10 +148,8 @@ def takes(function: Callable[..., object], *arguments: object) -> bool:
     """Tell whether a function can be called so; of compiled ones it is not known, and is yes."""
     try:
         signature(function).bind(*arguments)
-    except TypeError:
-        return False
-    except ValueError:
-        pass
+    except (TypeError, ValueError) as error:
+        return isinstance(error, ValueError)
     return True
 
 

@@ -1,9 +1,8 @@
 """What is asked: bodies, supports and loads.
 
 In comes a TOML file or keyword arguments; out go kinds of cells and forces on their faces.
-Read `scene` (the whole), `description` (what each table may hold: body, sides, loads, rules),
-`regions` (where material is), then `resolved_body` and `selection` (which cells and faces these
-are).
+Read `scene` (the whole), `description` (what each table may hold), `regions` (where material is),
+then `resolved_body` and `selection` (which cells and faces these are).
 """
 
 from .description import Body, LoadTable, SideCondition

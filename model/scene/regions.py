@@ -1,7 +1,6 @@
 """Regions as they are described: a shape, and what fills it; paths and drawings of SVG.
 
-Paths are in metres and y upwards, with M, L, H, V, C, S, Q, T, A and Z, absolute or relative. The
-elements of a drawing are turned into paths by svgpathtools.
+Paths are in metres, y upwards, of M, L, H, V, C, S, Q, T, A and Z; svgpathtools makes drawings such.
 """
 
 from __future__ import annotations

@@ -27,6 +27,7 @@ from kaju.files import atomic_file, text_of_file
 from kaju.result_kinds import NOTEBOOK, fetch
 
 from . import cell_types
+from .curves import flattened
 from .description import (
     FREE,
     LONGEST,
@@ -444,9 +445,12 @@ def body_cells(scene: Scene, points: Floats) -> tuple[Ints, Flags]:
 def _breaks_through(shape: Shape, lattice: Lattice) -> bool:
     """Tell whether a shape whose middle, or ends, lie inside the array reaches beyond it."""
     own = np.array(getattr(shape, "ends", [getattr(shape, "centre", lattice.extent)]))
-    (low, high), size = shape.extent, np.array(lattice.extent)
-    inside = np.all((own > 0.0) & (own < size))
-    return bool(inside and (np.any(low < -1e-9 * size) or np.any(high > (1.0 + 1e-9) * size)))
+    size = np.array(lattice.extent)
+    if np.any((own <= 0.0) | (own >= size)):
+        return False
+    flat = [flattened(arcs, 32) for arcs in shape.outline()] if len(size) == 2 else shape.extent
+    reach = np.vstack(flat) / size
+    return bool(reach.min() < -1e-9 or reach.max() > 1.0 + 1e-9)
 
 
 def _beyond(shape: Shape, lattice: Lattice, cuts: bool) -> str:

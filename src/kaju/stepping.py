@@ -56,8 +56,7 @@ def takes_objects(engine: str, agent: type, usual: type, small: bool) -> bool:
     """Tell whether agents are to be objects: asked for, of your own class, or few ("auto")."""
     own_class = agent is not usual
     if engine not in ("auto", "agents", "arrays"):
-        told = "; a class of agents goes into material_agent= or face_agent="
-        cure = told if isinstance(engine, type) else ""
+        cure = "; a class goes into material_agent= or face_agent=" * isinstance(engine, type)
         raise ParameterError(f"engine: 'auto', 'agents' or 'arrays', got {engine!r}{cure}")
     if engine == "arrays" and own_class:
         raise ParameterError(

@@ -1,6 +1,6 @@
 """Regions as they are described: a shape, and what fills it; paths and drawings of SVG.
 
-Paths are in metres, y upwards, of M, L, H, V, C, S, Q, T, A and Z; svgpathtools makes drawings such.
+Paths are in m, y upwards, of M, L, H, V, C, S, Q, T, A, Z; svgpathtools turns drawings into them.
 """
 
 from __future__ import annotations

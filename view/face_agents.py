@@ -66,7 +66,7 @@ def plot_left(
         left, step = moments.left[moment], moments.step[moment]
         agents = agents[run.agents.spawn_step[agents] <= step]
         acted = moments.taken[moment] > moments.taken[max(moment - 1, 0)]
-        energy = quantity(float(moments.energy[moment]), "J")
+        energy = quantity(run.history[step - 1].energy if step else 0.0, "J")
         busy = counted(int(np.sum(acted)), "agent")
         happened = f"step {step} of {moments.step[-1]}: {busy} acted; energy {energy}"
     norm = LogNorm(1e-4 * (most or 1.0), most or 1.0, clip=True)

@@ -434,7 +434,7 @@ def elastic_agents(run: ElasticRun) -> Motion:
         born=agents.spawn_step[own],
         curves=run.curves(),
         forces=applied(run.scene),
-        visits=moments.level[chosen].tolist(),
+        visits=[run.history[step - 1].level if step else 0 for step in moments.step[chosen]],
         outcome=run.outcome,
     )
 

@@ -55,7 +55,7 @@ class CellAgents(OnCells):
         self.body = np.asarray(posed.problem.kinds[posed.problem.inner] >= 0)
         self.count = int(np.count_nonzero(self.body))
         shapes = [values.shape for values in self.solution.displacement]
-        needed = [self.problem.face_shape(axis) for axis in range(self.problem.dimension)]
+        needed = [values.shape for values in self.problem.force]
         if known is None and shapes != needed:
             raise ResultError(f"'displacement' must be of the shapes {needed}, and is of {shapes}")
 

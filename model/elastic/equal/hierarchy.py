@@ -25,7 +25,16 @@ from .direct import GUARD
 from .krylov import dot
 from .multigrid_levels import FIRST, MultigridLevel, coarse_level, level_by_law, spread
 from .problem import ElasticProblem, FaceFields, coarse_box, ghost_weights_of, is_box
-from .row_kernels import Level, LevelBox, prolong_and_smooth, smooth_and_restrict, write_residual
+from .row_kernels import (
+    PROLONG,
+    RESTRICT,
+    RESTRICT_LOAD,
+    SMOOTH,
+    Level,
+    LevelBox,
+    take,
+    write_residual,
+)
 from .staggered import Numbering, stiffness_matrix
 
 SWEEPS = {2: (3, 1, 2, 4), 3: (3, 1)}
@@ -172,7 +181,11 @@ class Hierarchy:
 
     def _restrict(self, at: int, u: Floats, load: Floats, coarse: Floats, sweeps: int) -> None:
         """Smooth and restrict the residual; ghosts of full boxes hand theirs to faces inside."""
-        smooth_and_restrict(u, load, coarse, *self._pair(at), sweeps)
+        coarse.fill(0.0)
+        if sweeps:
+            u.fill(0.0)
+        tasks = *[SMOOTH] * sweeps, RESTRICT if sweeps else RESTRICT_LOAD
+        take(u, load, coarse, *self._pair(at), tasks)
         if at + 1 < self._laws:
             self._extrapolate_to_ghosts(coarse, self._pair(at)[1], back=True)
 
@@ -180,7 +193,7 @@ class Hierarchy:
         """Prolong and smooth; in full boxes ghosts follow from the faces inside."""
         if at + 1 < self._laws:
             self._extrapolate_to_ghosts(coarse, self._pair(at)[1], back=False)
-        prolong_and_smooth(u, load, coarse, *self._pair(at), sweeps)
+        take(u, load, coarse, *self._pair(at), (PROLONG, *[SMOOTH] * sweeps), back=1)
 
     def _extrapolate_to_ghosts(self, g: Floats, coarse: LevelBox, *, back: bool) -> None:
         """Extrapolate to ghosts beyond a full box; back, add their loads inside: the transpose."""

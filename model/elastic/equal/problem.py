@@ -66,10 +66,6 @@ class ElasticProblem:
         """Index of the cells without ghosts."""
         return (slice(1, -1),) * self.dimension
 
-    def face_shape(self, axis: int) -> tuple[int, ...]:
-        """Return the shape of the faces normal to `axis`, ghosts included."""
-        return tuple(n + (a == axis) for a, n in enumerate(self.kinds.shape))
-
     @cached_property
     def face_states(self) -> tuple[NDArray[np.int8], ...]:
         """Per axis which faces are ABSENT, FIXED or ACTIVE."""
@@ -80,7 +76,7 @@ class ElasticProblem:
         state_of[:3] = ABSENT, ACTIVE, ABSENT
         beside, states = of_kind.take(self.kinds, mode="wrap"), []
         for axis in range(self.dimension):
-            state = np.full(self.face_shape(axis), ABSENT, dtype=np.int8)
+            state = np.full_like(self.spring[axis], ABSENT, dtype=np.int8)
             low, high, inner = (
                 (slice(None),) * axis + (part,)
                 for part in (slice(None, -1), slice(1, None), slice(1, -1))

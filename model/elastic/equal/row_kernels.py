@@ -270,53 +270,31 @@ def add_rows(out, source, inverse, where, terms, weights, to, n):
                 o[j] += w * x[j] if (u[j] > 0.0) & (v[j] > 0.0) else 0.0
 
 
-def smooth_and_restrict(
-    u: Floats, load: Floats, coarse_load: Floats, level: Level, coarse: LevelBox, sweeps: int
-) -> None:
-    """Smooth from u = 0 and restrict the residual; without sweeps restrict the load."""
-    coarse_load.fill(0.0)
-    if sweeps:
-        u.fill(0.0)
-    tasks = *[SMOOTH] * sweeps, RESTRICT if sweeps else RESTRICT_LOAD
-    _pass(u, load, coarse_load, level, coarse, tasks)
-
-
-def prolong_and_smooth(
-    u: Floats, load: Floats, coarse_u: Floats, level: Level, coarse: LevelBox, sweeps: int
-) -> None:
-    """Add the prolonged correction and smooth, in the opposite order."""
-    _pass(u, load, coarse_u, level, coarse, (PROLONG, *[SMOOTH] * sweeps), back=1)
-
-
 def write_residual(
     u: Floats, load: Floats, out: Floats, level: Level, coarse: LevelBox, share: float = 1.0
 ) -> None:
     """Write share·load − Au; 0 where a face cannot move."""
     out.fill(0.0)
-    _pass(u, load, out, level, coarse, (WRITE_RESIDUAL,), share=share)
+    take(u, load, out, level, coarse, (WRITE_RESIDUAL,), share=share)
 
 
-def _pass(
+def take(
     u: Floats,
     f: Floats,
     g: Floats,
     level: Level,
     coarse: LevelBox,
-    tasks: tuple[int, ...],
+    tasks: Numbers,
     back: int = 0,
     share: float = 1.0,
 ) -> None:
-    """Take all tasks in one pass over the planes."""
+    """Take all tasks in one pass over the planes: see `take_planes`."""
     box = level.box
-    room = _parity(box.shape[2]), np.zeros(box.shape[2]), np.zeros(coarse.shape[2])
+    # Every other face of a row is picked by 1, 0, 1, ...
+    parity = np.resize([1.0, 0.0], box.shape[2] + 2)
+    room = parity, np.zeros(box.shape[2]), np.zeros(coarse.shape[2])
     steps = _steps(box.first[0], box.end[0], box.reach, tasks, back)
     take_planes(u, f, g, level, coarse, *room, steps, back, share)
-
-
-@lru_cache
-def _parity(length: int) -> Floats:
-    """Return 1, 0, 1, ...: it picks every other face of a row."""
-    return np.resize([1.0, 0.0], length + 2)
 
 
 @lru_cache(maxsize=200)

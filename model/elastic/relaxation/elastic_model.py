@@ -209,7 +209,7 @@ class ElasticModel(SteppedModel):
             self._loudest, self._meter = self.state.survey()
         loads = self._loudest, self._meter
         self.history.append(StepRecord(*self.visit, self.state.energy, *loads, self.state.pushes))
-        self.recorder.note(self.visit.level)
+        self.recorder.note()
         self.running = not self.outcome
         self.seconds += perf_counter() - began
 
@@ -293,7 +293,7 @@ class ElasticModel(SteppedModel):
             history=tuple(self.history),
             ledger=PushLedger.of(state),
             certificate=self.certificate,
-            moments=self.recorder.moments(self.visit.level, agents),
+            moments=self.recorder.moments(agents),
             seconds=self.seconds,
         )
 

@@ -97,8 +97,6 @@ class Moments:
     """How things stood after some of the steps, from before the first to the last."""
 
     step: Annotated[Ints, Column("moments", 0)]  # Steps taken; 0 is before the first
-    level: Annotated[Ints, Column("moments", 0, 64)]  # Level that the step visited
-    energy: Annotated[Floats, Column("moments")]  # Energy of body and loads (J)
     # Of each agent, as in the run's table: load left (N), where parents hold the last that was
     # restricted to them, sum of the sizes of the loads taken (N), and displacement (m)
     left: Annotated[NDArray[np.float32], Column("moments agents")]
@@ -119,37 +117,36 @@ class Recorder:
         # As many as a film shows, in up to 32 MB.
         self._most = max(8, min(400, 32_000_000 // (12 * faces)))
         self._every = 1
-        self._kept = [self._look(0)]
+        self._kept = [self._look()]
 
-    def note(self, level: int) -> None:
+    def note(self) -> None:
         """Keep the step that has just been taken, if its turn has come."""
         if self._state.generation % self._every:
             return
-        self._kept.append(self._look(level))
+        self._kept.append(self._look())
         if len(self._kept) > self._most:
             self._kept = self._kept[::2]
             self._every *= 2
 
-    def moments(self, level: int, agents: FaceAgents) -> Moments:
-        """Return what was kept, and how things stand now, after a visit to a level."""
+    def moments(self, agents: FaceAgents) -> Moments:
+        """Return what was kept, and how things stand now."""
         kept = self._kept
         if kept[-1][0] != self._state.generation:
-            kept = [*kept, self._look(level)]
+            kept = [*kept, self._look()]
         starts = np.cumsum([0, *(level.size for level in self._state.table.levels)])
         row = starts[agents.level] + agents.number
-        steps, levels, energies, columns = zip(*kept, strict=True)
-        values = (np.stack(column)[:, row] for column in zip(*columns, strict=True))
-        return Moments(np.array(steps), np.array(levels), np.array(energies), *values)
+        steps, *columns = zip(*kept, strict=True)
+        return Moments(np.array(steps), *(np.stack(column)[:, row] for column in columns))
 
-    def _look(self, level: int) -> tuple[int, int, float, list[NDArray[np.float32]]]:
+    def _look(self) -> tuple[int, NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
         state = self._state
         columns = (
             [faces.left[: len(faces.weight)] for faces in state.levels],
             [faces.taken for faces in state.levels],
             [faces.displacement for faces in state.levels],
         )
-        values = [np.concatenate(column).astype(np.float32) for column in columns]
-        return state.generation, level, state.energy, values
+        left, taken, moved = (np.concatenate(column).astype(np.float32) for column in columns)
+        return state.generation, left, taken, moved
 
 
 def _awake(step: Ints) -> Ints:

@@ -6,7 +6,7 @@ from peers.problems import PLATE
 from plates import plate
 
 from kaju import compare, finite_elements, solve
-from kaju.errors import ParameterError
+from kaju.errors import ParameterError, SceneError
 
 pytest.importorskip("skfem")
 
@@ -58,7 +58,7 @@ def test_what_elements_do_not_know_is_named():
     bed = {"bottom": {"stiffness": 1e9}}
     with pytest.raises(ParameterError, match="rollers"):
         finite_elements(plate([2, 2], [1, 1], sides=bed))
-    with pytest.raises(ParameterError, match="hexagons"):
+    with pytest.raises(SceneError, match="hexagons"):
         finite_elements(plate([2, 2], [1, 1], lattice="hexagon"))
 
 

@@ -61,7 +61,7 @@ def parts_of(body: Flags) -> tuple[NDArray[np.int32], int]:
 
 def _stops(problem: ElasticProblem, parts: NDArray[np.int32]) -> tuple[Ints, Floats]:
     """Return what is held: to which part it belongs, and how far every rigid motion strains it."""
-    # Springs, and cells and edges that strain because held faces beside them stay.
+    # Held faces, springs, and cells and edges that strain because held faces beside them stay.
     d = problem.dimension
     held = Numbering(tuple(np.where(s == FIXED, ACTIVE, ABSENT) for s in problem.face_states))
     moved = [_motions(np.argwhere(number >= 0), axis) for axis, number in enumerate(held.number)]
@@ -73,9 +73,9 @@ def _stops(problem: ElasticProblem, parts: NDArray[np.int32]) -> tuple[Ints, Flo
         owners.append(around[edge_modulus(problem, pair) > 0])
     owners, rows = [np.concatenate(owners)[some]], [matrix[some] @ np.concatenate(moved)]
     for axis, spring in enumerate(problem.spring):
-        bedded = spring > 0.0
-        owners.append(np.maximum(*ends(padded(parts, (axis,), 0), axis))[bedded])
-        rows.append(_motions(np.argwhere(bedded), axis))
+        stopped = (problem.face_states[axis] == FIXED) | (spring > 0.0)
+        owners.append(np.maximum(*ends(padded(parts, (axis,), 0), axis))[stopped])
+        rows.append(_motions(np.argwhere(stopped), axis))
     return np.concatenate(owners).astype(np.int64), np.concatenate(rows)
 
 

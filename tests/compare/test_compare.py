@@ -113,6 +113,8 @@ def test_a_reference_never_guesses():
         reference.stress_at(np.array([[1.0, 0.0]]))
     with pytest.raises(ParameterError, match="shape"):
         Reference([[0.0, 0.0]], [[1.0, 2.0], [3.0, 4.0]])
+    with pytest.raises(ParameterError, match=r"stress.*shape"):
+        Reference([[0.0, 0.0]], [[1.0, 2.0]], [[1.0, 2.0]])
     with pytest.raises(ParameterError, match="finite"):
         Reference([[0.0, 0.0]], [[1.0, np.nan]])
 

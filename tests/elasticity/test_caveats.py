@@ -41,36 +41,40 @@ def test_bodies_along_the_axes_have_no_such_note():
     assert result.largest_stress.value == pytest.approx(1e5)
 
 
-def plate(regions=(), **load):
+def plate(regions=(), cells=20, sides=None, **load):
     return Scene(
-        body={"size": [0.2, 0.2], "cells": [20, 20], "material": "steel", "regions": regions},
-        sides={"bottom": "roller", "left": "roller"},
+        body={"size": [0.2, 0.2], "cells": [cells] * 2, "material": "steel", "regions": regions},
+        sides=sides or {"bottom": "roller", "left": "roller"},
         loads=[load],
     )
+
+
+def on(kind, *at, **load):
+    """A load on a disk (x, y, radius) or the body's part in a box or a polygon."""
+    shape = {"centre": at[:2], "radius": at[2]} if kind == "disk" else list(at)
+    return {"region": {kind: shape}} | load
+
+
+PUSH = [0.0, -2.0]
+STRIP = [-1, 0.197], [1, 0.197], [1, 1], [-1, 1]
 
 
 @pytest.mark.parametrize(
     ("load", "said"),
     [
-        ({"region": {"box": [[0.095, 0.15], [0.1, 0.2]]}, "force": [0.0, -2.0]}, "by up to 0.01"),
+        (on("box", [0.095, 0.15], [0.1, 0.2], force=PUSH), "by up to 0.01"),
+        (on("disk", 0.1, 0.1, 0.03, force=[1.0, 0.0]), "0.005"),
         (
-            {"region": {"disk": {"centre": [0.1, 0.1], "radius": 0.03}}, "force": [1.0, 0.0]},
-            "0.005",
-        ),
-        (
-            {"region": {"disk": {"centre": [0.1, 0.2], "radius": 0.033}}, "pressure": 1e3},
+            on("disk", 0.1, 0.2, 0.033, pressure=1e3),
             "takes whole faces or cells: the edge of its region moves by up to 0.005 m",
         ),
         ({"side": "top", "couple": 1.0}, ""),
-        (
-            {"region": {"polygon": [[-1, 0.197], [1, 0.197], [1, 1], [-1, 1]]}, "pressure": 1e3},
-            "0.005",
-        ),
-        ({"region": {"box": [[0.095, 0.2], [0.105, 0.2]]}, "force": [0.0, -2.0]}, ""),
-        ({"region": {"box": [[0.09, 0.2], [0.11, 0.2]]}, "force": [0.0, -2.0]}, ""),
-        ({"point": [0.098, 0.2], "force": [0.0, -2.0]}, "spread over the 0.01 m"),
+        (on("polygon", *STRIP, pressure=1e3), "0.005"),
+        (on("box", [0.095, 0.2], [0.105, 0.2], force=PUSH), ""),
+        (on("box", [0.09, 0.2], [0.11, 0.2], force=PUSH), ""),
+        ({"point": [0.098, 0.2], "force": PUSH}, "spread over the 0.01 m"),
         ({"side": "top", "pressure": 1e3, "pressure_slope": [1e4, 0.0]}, ""),
-        ({"region": {"box": [[0.1, 0.2], [0.2, 0.2]]}, "force": [2.0, 0.0]}, "drags the surface"),
+        (on("box", [0.1, 0.2], [0.2, 0.2], force=[2.0, 0.0]), "drags the surface"),
     ],
 )
 def test_loads_that_do_not_act_just_where_they_are_described_are_named(load, said):
@@ -95,34 +99,15 @@ def test_where_sides_that_meet_are_moved_apart_no_error_is_told():
     assert any("moved apart" in note for note in answer.notes)
 
 
-L_SHAPE = Scene(
-    body={
-        "size": [0.2, 0.2],
-        "cells": [4, 4],
-        "material": "steel",
-        "regions": [
-            {"box": [[0.1, 0.1], [0.2, 0.2]], "material": "air"},
-            {"box": [[0.0, 0.0], [0.05, 0.05]], "material": "copper"},
-        ],
-    },
-    sides={"bottom": "rigid"},
-    loads=[{"side": "top", "force": [1000.0, 0.0]}],
-)
+def box(low, high, material="air"):
+    return {"box": [low, high], "material": material}
 
 
-SLIT = Scene(
-    body={
-        "size": [0.2, 0.2],
-        "cells": [20, 20],
-        "material": "steel",
-        "regions": [
-            {"box": [[0.0, 0.1], [0.1, 0.11]], "material": "air"},
-            {"box": [[0.15, 0.15], [0.18, 0.18]], "material": "copper"},
-        ],
-    },
-    sides={"bottom": "rigid"},
-    loads=[{"point": [0.155, 0.2], "force": [0.0, -1.0]}],
-)
+GROUND = {"bottom": "rigid"}
+NOTCHED = [box([0.1, 0.1], [0.2, 0.2]), box([0.0, 0.0], [0.05, 0.05], "copper")]
+L_SHAPE = plate(NOTCHED, 4, GROUND, side="top", force=[1000.0, 0.0])
+CUT_IN = [box([0.0, 0.1], [0.1, 0.11]), box([0.15, 0.15], [0.18, 0.18], "copper")]
+SLIT = plate(CUT_IN, 20, GROUND, point=[0.155, 0.2], force=[0.0, -1.0])
 OF_THE_SLIT = [
     *((0.1, 0.1), (0.1, 0.11), (0.0, 0.0), (0.2, 0.0), (0.155, 0.2)),
     *((0.15, 0.15), (0.18, 0.15), (0.15, 0.18), (0.18, 0.18)),

@@ -114,13 +114,10 @@ def test_a_hole_through_a_block_is_that_of_the_plane() -> None:
     hole = {"cylinder": {"ends": [[0, -1, 0], [0, 2, 0]], "radius": 0.37}}
     answer = kaju.solve(block(8, hole, sides=SIDES | {"back": "roller"}))
     disk = {"disk": {"centre": [0, 0], "radius": 0.37}, "material": "air", "outline": "true"}
-    plane = kaju.Scene(
-        body={"size": [1, 1], "cells": [8, 8], "material": "steel", "regions": [disk]}
-        | {"plane": "strain"},
-        materials=STEEL,
-        sides={"left": "roller", "bottom": "roller"},
-        loads=[{"side": "top", "force": [0.0, 1.0]}],
-    )
+    body = {"size": [1, 1], "cells": [8, 8], "material": "steel", "regions": [disk]}
+    sides, loads = {"left": "roller", "bottom": "roller"}, [{"side": "top", "force": [0.0, 1.0]}]
+    body["plane"] = "strain"
+    plane = kaju.Scene(body=body, materials=STEEL, sides=sides, loads=loads)
     low, high = kaju.solve(plane, tolerance=0.03).energy_bounds
     assert answer.strain_energy == pytest.approx(0.5 * (low + high), rel=1e-2)
 
@@ -129,12 +126,11 @@ def test_a_surface_is_the_body(tmp_path: Path) -> None:
     path = stl(tmp_path / "part.stl", (500.0 + 180.0 * CUBE @ TURN).astype(np.float32))
     scene = block(6, {"surface": {"file": path, "scale": 0.001}})
     answer = kaju.solve(scene)
-    turned = kaju.sampled_shape(
-        lambda points: np.abs((points - 0.5) @ TURN.T).max(axis=1) - 0.18,
-        (0,) * 3,
-        (1,) * 3,
-        (61,) * 3,
-    )
+
+    def away(points: np.ndarray) -> np.ndarray:
+        return np.abs((points - 0.5) @ TURN.T).max(axis=1) - 0.18
+
+    turned = kaju.sampled_shape(away, (0,) * 3, (1,) * 3, (61,) * 3)
     like = kaju.solve(block(6, {"image": turned}))
     assert answer.strain_energy == pytest.approx(like.strain_energy, rel=2e-3)
     scene.save(tmp_path / "scene.toml")

@@ -108,24 +108,14 @@ def changed(**changes):
     )
 
 
-def test_values_are_read_as_toml_writes_them():
-    scene = changed(
-        loads__0__steps="1",
-        rule__threshold="0.001",
-        rule__accumulate="true",
-        loads__0__force="[1, 0]",
-    )
-    assert scene.stages == 1
-    assert scene.rule.threshold == 0.001
-    assert scene.rule.accumulate is True
-    assert scene.loads[0].force == (1.0, 0.0)
-
-
-def test_items_of_lists_and_new_tables():
+def test_values_are_read_as_toml_writes_them_in_lists_and_new_tables_too():
+    rule = {"rule__threshold": "0.001", "rule__accumulate": "true"}
+    scene = changed(loads__0__steps="1", loads__0__force="[1, 0]", **rule)
+    assert (scene.stages, scene.loads[0].force) == (1, (1.0, 0.0))
+    assert (scene.rule.threshold, scene.rule.accumulate) == (0.001, True)
     scene = changed(loads__0__force__1="-3", materials__steel__base="steel",
                     sides__left="{stiffness = 1e6}", body__cells=[40, 40])  # fmt: skip
-    scene_again = Scene.from_toml(PLATE)
-    assert scene_again.loads[0].force == (0.0, -2.0)
+    assert Scene.from_toml(PLATE).loads[0].force == (0.0, -2.0)
     assert scene.loads[0].force == (0.0, -3.0)
     assert scene.side_condition("left").stiffness == 1e6
     assert scene.lattice.shape == (40, 40)

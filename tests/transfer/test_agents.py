@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from page_scenes import Leaky
 from plates import loaded, plate
 from transfer_answers import of_cells
 
@@ -10,9 +11,9 @@ from kaju import LoadModel, Material, PrescribedRule, RigidBoundaryAgent
 LEFT, RIGHT, DOWN, UP = range(4)
 
 
-def row_of(letters, sides, rule, cell=(1, 0), force=(-2.0, 0.0)):
+def row_of(letters, sides, rule, cell=(1, 0), force=(-2.0, 0.0), **own):
     load = {"cell": cell, "force": force}
-    return LoadModel(loaded(letters, load, sides=sides, rule=rule, allow_floating=True))
+    return LoadModel(loaded(letters, load, sides=sides, rule=rule, allow_floating=True), **own)
 
 
 STRAIGHT = PrescribedRule(alpha=(0.5, 0.5, 0.0), beta=1.0, threshold=0.3)
@@ -41,6 +42,9 @@ def test_a_row_step_by_step():
     assert woken.taken == {LEFT: 1.0, RIGHT: 0.5}
     assert woken.dropped == 0.25
     assert not model.running
+    handed = row_of("##", {"left": "rigid"}, STRAIGHT, material_agent=Leaky)
+    handed.step()
+    assert agent_at(handed, 0).woken_by == [agent_at(handed, 1)], "by `hand_over`, too"
 
 
 def test_a_roller_lets_slide_what_runs_along_it():

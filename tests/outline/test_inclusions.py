@@ -37,22 +37,13 @@ def disk(radius: float, material: str = "grain", name: str | None = "grain") -> 
     return region(material, name, disk={"centre": [0.0, 0.0], "radius": radius})
 
 
-def plate(
-    modulus: float = 5.0,
-    ratio: float = 0.2,
-    regions: list[dict[str, Any]] | None = None,
-    size: float = 1.0,
-    cells: int = 8,
-    **body: Any,
-) -> kaju.Scene:
+def plate(modulus=5.0, ratio=0.2, regions=None, size=1.0, cells=8, **body: Any) -> kaju.Scene:
     """Return a quarter of a plate with an inclusion, pulled to the right by 1 MPa."""
     given = {"size": [size, size], "cells": [cells, cells], "material": "matrix"}
     given |= {"thickness": THICKNESS, "regions": [disk(0.31)] if regions is None else regions}
+    loads = [{"side": "right", "pressure": -1e6}]
     return kaju.Scene(
-        body=given | body,
-        materials=grain(modulus, ratio),
-        sides=ROLLERS,
-        loads=[{"side": "right", "pressure": -1e6}],
+        body=given | body, materials=grain(modulus, ratio), sides=ROLLERS, loads=loads
     )
 
 
@@ -60,14 +51,10 @@ def lined(modulus: float, ratio: float, plane: str) -> tuple[kaju.Scene, float]:
     """Return a quarter of a tube with a liner under pressure, and its energy (J) by Lamé."""
     a, c, b = 0.05, 0.11, 0.2
     materials = grain(modulus, ratio)
-    regions = [disk(b, "matrix", "rim"), disk(c), disk(a, "air", "bore")]
-    scene = kaju.Scene(
-        body={"size": [0.21, 0.21], "cells": [6, 6], "material": "air", "thickness": THICKNESS}
-        | {"regions": regions, "plane": plane},
-        materials=materials,
-        sides=ROLLERS,
-        loads=[{"outline": "bore", "pressure": 1e6}],
-    )
+    body = {"size": [0.21, 0.21], "cells": [6, 6], "material": "air", "thickness": THICKNESS}
+    body |= {"regions": [disk(b, "matrix", "rim"), disk(c), disk(a, "air", "bore")], "plane": plane}
+    loads = [{"outline": "bore", "pressure": 1e6}]
+    scene = kaju.Scene(body=body, materials=materials, sides=ROLLERS, loads=loads)
     rows = []  # u = p r + q / r in both: the bore, the liner's edge twice, the rim
     (e, n), (f, m) = (
         (of["youngs_modulus"], of["poissons_ratio"])
@@ -171,21 +158,17 @@ def test_boxes_are_the_bodies_of_cells_that_they_are(boxes, modulus, ratio, plan
             regions.append({"box": corners, "material": material})
     regions.append({"box": [[0.25, 0.0], [0.5, 0.4375]], "material": "grain"})
     scene = plate(10.0**modulus, ratio, [], plane=plane).replace(sides={"left": "rigid"})
-    true, cells = (
-        scene.with_overrides(
-            {
-                "body.cells": [n, n],
-                "body.size": [1.0, 1.0],
-                "body.regions": [at | {"outline": outline} for at in regions],
-            }
-        )
-        for n, outline in ((5, "true"), (16, "cells"))
-    )
+
+    def drawn(cells: int, outline: str) -> kaju.Scene:
+        given = {"body.cells": [cells, cells], "body.size": [1.0, 1.0]}
+        given["body.regions"] = [at | {"outline": outline} for at in regions]
+        return scene.with_overrides(given)
+
     try:
-        exact = kaju.solve(cells, tolerance=0.1).energy_bounds
+        exact = kaju.solve(drawn(16, "cells"), tolerance=0.1).energy_bounds
     except kaju.errors.SupportError:
         return
-    bounds = kaju.solve(true, tolerance=0.2).energy_bounds
+    bounds = kaju.solve(drawn(5, "true"), tolerance=0.2).energy_bounds
     assert bounds[0] < exact[1] * (1 + 1e-9)
     assert exact[0] < bounds[1] * (1 + 1e-9)
 

@@ -19,39 +19,37 @@ CENTRE = [0.0, 0.0]
 def body(*regions: dict[str, Any], material: str = "air", **scene: Any) -> kaju.Scene:
     """Return a quarter of a body, its middle in the lower left corner."""
     true = [{"material": "steel", "outline": "true"} | region for region in regions]
-    return kaju.Scene(
-        body={
-            "size": [0.1, 0.1],
-            "cells": [5, 5],
-            "thickness": THICKNESS,
-            "material": material,
-            "regions": true,
-        },
-        materials={"steel": STEEL},
-        **({"sides": {"left": "roller", "bottom": "roller"}} | scene),
-    )
+    asked = {"size": [0.1, 0.1], "cells": [5, 5], "thickness": THICKNESS, "material": material}
+    usual = {"sides": {"left": "roller", "bottom": "roller"}, "materials": {"steel": STEEL}}
+    return kaju.Scene(body=asked | {"regions": true}, **(usual | scene))
 
 
 BULB = (
     "M 0.09 0 C 0.09 0.03 0.06 0.02 0.05 0.04 S 0.05 0.08 0 0.08 "
     "S -0.04 0.06 -0.05 0.04 S -0.09 0.03 -0.09 0 L -0.05 -0.05 H 0.05 z"
 )
+
+
+def disk(x: float, y: float, radius: float) -> dict[str, Any]:
+    """Return a disk."""
+    return {"disk": {"centre": [x, y], "radius": radius}}
+
+
+def slot(start: float, end: float, y: float, radius: float) -> dict[str, Any]:
+    """Return a slot along x."""
+    return {"slot": {"ends": [[start, y], [end, y]], "radius": radius}}
+
+
+OVAL = {"box": [[-0.09, -0.07], [0.09, 0.07]], "radius": 0.03}
+TUBE = {"centre": CENTRE, "inner": 0.04, "outer": 0.08}
+FULL = np.pi / 4  # of a quarter of a disk, in its radius squared
 ALL_ROUND = {
-    "disk": ({"disk": {"centre": CENTRE, "radius": 0.073}}, np.pi * 0.073**2 / 4),
-    "ellipse": ({"ellipse": {"centre": CENTRE, "radii": [0.09, 0.03]}}, np.pi * 0.0027 / 4),
-    "slot": (
-        {"slot": {"ends": [[-0.05, 0.0], [0.05, 0.0]], "radius": 0.031}},
-        0.05 * 0.031 + np.pi * 0.031**2 / 4,
-    ),
-    "rounded box": (
-        {"rounded_box": {"box": [[-0.09, -0.07], [0.09, 0.07]], "radius": 0.03}},
-        0.09 * 0.07 - (1 - np.pi / 4) * 0.03**2,
-    ),
+    "disk": (disk(0.0, 0.0, 0.073), FULL * 0.073**2),
+    "ellipse": ({"ellipse": {"centre": CENTRE, "radii": [0.09, 0.03]}}, FULL * 0.0027),
+    "slot": (slot(-0.05, 0.05, 0.0, 0.031), 0.05 * 0.031 + FULL * 0.031**2),
+    "rounded box": ({"rounded_box": OVAL}, 0.09 * 0.07 - (1 - FULL) * 0.03**2),
     "path": ({"path": BULB}, 0.004624997),  # by fine straight lines
-    "ring": (
-        {"ring": {"centre": CENTRE, "inner": 0.04, "outer": 0.08}},
-        np.pi * (0.08**2 - 0.04**2) / 4,
-    ),
+    "ring": ({"ring": TUBE}, FULL * (0.08**2 - 0.04**2)),
 }
 
 
@@ -77,50 +75,34 @@ def hole(**shape: Any) -> dict[str, Any]:
     return shape | {"material": "air"}
 
 
+HUMP = "c.0066667 .0133333 .0133333 .0133333 .02 0 .0066667-.0133333 .0133333-.0133333 .02 0"
+CRESCENT = "A.03 .03 0 0 0 .02658126 .04125 A.025 .025 0 0 1 .07341874 .04125 z"
+SQUARE = {"box": [[0.04, 0.035], [0.06, 0.065]]}
+WASHER = {"ring": {"centre": [0.05, 0.05], "inner": 0.01, "outer": 0.02}}
 TWICE = {
     "a circle drawn": (
-        [hole(disk={"centre": [0.05, 0.05], "radius": 0.02})],
+        [hole(**disk(0.05, 0.05, 0.02))],
         [hole(path="M.07.05a.02.02 0 1 1-.04 0 .02.02 0 1 1 .04 0")],
     ),
     "parabolas as cubics": (
         [hole(path="M.03.04Q.04.06.05.04T.07.04V.02H.03Z")],
-        [
-            hole(
-                path="M.03,.04c.0066667 .0133333 .0133333 .0133333 .02 0 .0066667-.0133333 "
-                ".0133333-.0133333 .02 0l0-.02-.04 0z"
-            )
-        ],
+        [hole(path=f"M.03,.04{HUMP}l0-.02-.04 0z")],
     ),
     "an ellipse turned": (
         [hole(ellipse={"centre": [0.05, 0.05], "radii": [0.03, 0.01], "angle": 90.0})],
         [hole(ellipse={"centre": [0.05, 0.05], "radii": [0.01, 0.03]})],
     ),
     "a slot of three": (
-        [hole(slot={"ends": [[0.04, 0.05], [0.06, 0.05]], "radius": 0.015})],
-        [
-            hole(box=[[0.04, 0.035], [0.06, 0.065]]),
-            hole(disk={"centre": [0.04, 0.05], "radius": 0.015}),
-            hole(disk={"centre": [0.06, 0.05], "radius": 0.015}),
-        ],
+        [hole(**slot(0.04, 0.06, 0.05, 0.015))],
+        [hole(**part) for part in (SQUARE, disk(0.04, 0.05, 0.015), disk(0.06, 0.05, 0.015))],
     ),
     "an island in a hole": (
-        [hole(ring={"centre": [0.05, 0.05], "inner": 0.01, "outer": 0.02})],
-        [
-            hole(disk={"centre": [0.05, 0.05], "radius": 0.02}),
-            {"disk": {"centre": [0.05, 0.05], "radius": 0.01}},
-        ],
+        [hole(**WASHER)],
+        [hole(**disk(0.05, 0.05, 0.02)), disk(0.05, 0.05, 0.01)],
     ),
     "a crescent": (
-        [
-            hole(disk={"centre": [0.05, 0.05], "radius": 0.025}),
-            {"disk": {"centre": [0.05, 0.06], "radius": 0.03}},
-        ],
-        [
-            hole(
-                path="M.07341874 .04125 A.03 .03 0 0 0 .02658126 .04125 "
-                "A.025 .025 0 0 1 .07341874 .04125 z"
-            )
-        ],
+        [hole(**disk(0.05, 0.05, 0.025)), disk(0.05, 0.06, 0.03)],
+        [hole(path=f"M.07341874 .04125 {CRESCENT}")],
     ),
 }
 
@@ -179,11 +161,9 @@ def test_samples_of_a_plane_end_in_a_straight_line(tmp_path: Path) -> None:
 
 def test_a_force_along_an_outline_is_even_across_its_direction() -> None:
     # a rounded end, pushed along its axis: the same as a force on a straight end
-    slot = {"slot": {"ends": [[0.0, 0.0], [0.07, 0.0]], "radius": 0.02}, "name": "pin"}
-    held = {"left": "roller", "bottom": "roller"}
-    load = {"outline": "pin", "force": [-1e3, 0.0]}
-    answer = kaju.solve(body(slot, sides=held, loads=[load]), tolerance=0.04)
-    area = 0.07 * 0.02 + np.pi * 0.02**2 / 4
+    pin, load = slot(0.0, 0.07, 0.0, 0.02) | {"name": "pin"}, {"outline": "pin"}
+    answer = kaju.solve(body(pin, loads=[load | {"force": [-1e3, 0.0]}]), tolerance=0.04)
+    area = 0.07 * 0.02 + FULL * 0.02**2
     stress = 1e3 / (0.02 * THICKNESS)  # one stress in all of it
     truth = 0.5 * stress**2 / E * area * THICKNESS
     assert answer.energy_bounds[0] < truth * (1 + 1e-6)

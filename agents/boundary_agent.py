@@ -30,6 +30,7 @@ class BoundaryAgent(PlacedAgent):
     0.0675
     """
 
+    goes_into = 'LoadModel, boundary_agents={{"rigid": {}}}'
     name = ""
     """"free", "rigid" or "roller"."""
 

@@ -53,6 +53,8 @@ class FaceAgent(FixedAgent):
     6240
     """
 
+    goes_into = "ElasticModel, face_agent={}"
+
     def __init__(self, model: Any, cell: Cell, place: Place, faces: Any) -> None:
         super().__init__(model)
         self.cell = cell

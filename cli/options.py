@@ -95,13 +95,14 @@ def goals_of(words: list[str] | None) -> list[Any] | None:
 def scene_of(path: Path, settings: list[str] | None = None) -> Iterator[Scene]:
     """Yield the scene of a file, changed by ``--set KEY=VALUE``; its errors name file and line."""
     from kaju.model.scene import load_scene, named
+    from kaju.model.scene.validation import key_path
 
     described, changes = load_scene(path), {}
     for setting in settings or ():
         key, equals, value = setting.partition("=")
         if not (key and equals):
             raise ParameterError(f"--set: KEY=VALUE is needed, got {setting!r}")
-        changes[key.strip()] = value.strip()
+        changes[key_path(key.strip())] = value.strip()
     changed = described.with_overrides(changes) if changes else described
     rule, anew = described.rule, described.rule.kind != changed.rule.kind
     for key in vars(changed.rule) if anew else ():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from math import isfinite
 
 import numpy as np
@@ -24,7 +25,9 @@ def check_numbers(
     if tolerance is not None:
         number = isinstance(tolerance, (int, float, np.number)) and not isinstance(tolerance, bool)
         if not (number and isfinite(tolerance) and least <= tolerance < 1.0):
-            meant = f"; {tolerance:g} % are {tolerance / 100:g}" if number and tolerance > 1 else ""
+            text = f"{tolerance:g}%" if number and tolerance > 0.0 else str(tolerance)
+            percent = re.fullmatch(r"(\d*\.?\d+) ?%", text)
+            meant = f"; {percent[1]} % are {float(percent[1]) / 100:g}" if percent else ""
             raise ParameterError(
                 f"tolerance: must be a number from {least:g} to 1, got {tolerance!r}{meant}"
             )

@@ -47,7 +47,7 @@ from .resolved_body import CellBox, ResolvedBody, check_body, check_outlines, no
 from .selection import AppliedLoads, Selection, at_stage, check_gravity, select
 from .shapes import Ball, Shape
 from .surfaces import ClosedSurface
-from .validation import plain, read_toml, with_lines
+from .validation import key_path, plain, read_toml, with_lines
 
 
 class Scene(Description):
@@ -337,6 +337,7 @@ class Scene(Description):
 
         ``{"loads.0.steps": "1", "rule.threshold": 0.001}``: texts are read as TOML values.
         """
+        changes = {key_path(path): value for path, value in changes.items()}
         table = table_of(self)
         if "rule" not in self.model_fields_set:  # nobody wrote it
             del table["rule"]
@@ -563,10 +564,10 @@ def load_scene(path: str | Path, overrides: Mapping[str, Any] | None = None) -> 
     """
     hint = "; a scene is a TOML file (images: Scene.from_image, arrays: Scene.from_array)"
     text = text_of_file(path, SceneFileError, LONGEST, hint=hint)
-    path = Path(path)
-    with named(path, text, overrides or ()):
+    path, changes = Path(path), {key_path(key): value for key, value in (overrides or {}).items()}
+    with named(path, text, changes):
         table = with_shared(table_from(text), path.parent)
-        return Scene(**located(overridden(table, overrides or {}), path.parent))
+        return Scene(**located(overridden(table, changes), path.parent))
 
 
 @contextmanager

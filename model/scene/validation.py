@@ -162,6 +162,11 @@ def plain(value: Any, most: float = 64) -> Any:
     return value
 
 
+def key_path(path: str) -> str:
+    """Return a key path with dots only: ``loads[0].force[1]`` is ``loads.0.force.1``."""
+    return re.sub(r"\[(\d+)\]", r".\1", path)
+
+
 def _scene_error(description: type[BaseModel], error: ValidationError) -> SceneError:
     """Return a pydantic error in kaju's words, of the narrowest kaju class that fits."""
     problems = error.errors()

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-from kaju.errors import OutOfMemoryError, ParameterError, by_name
+from kaju.errors import OutOfMemoryError, ParameterError, brief, by_name
 from kaju.model.elastic.arguments import SMALLEST, check_numbers
 from kaju.model.results.archive import question_of
 from kaju.model.scene import Scene
@@ -93,8 +93,8 @@ def solve(
     asked: Any = question_of(scene)
     if not isinstance(asked, Scene):
         raise ParameterError(
-            f"scene: a Scene, a model of one, or the path of a scene is needed, got "
-            f"{type(asked).__name__}; a network of springs is solved by kaju.model.network.solve"
+            "scene: a Scene, a model of one, or the path of a scene is needed, got "
+            f"{brief(asked)}; a network of springs is solved by kaju.model.network.solve"
         )
     options: dict[str, Any] = {"tolerance": tolerance, "resolution": resolution, "goal": goal}
     options |= {"stage": stage, "previous": previous, "stiffness": stiffness}

@@ -13,7 +13,6 @@ from __future__ import annotations
 import json
 import math
 import os
-import re
 import sqlite3
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
@@ -30,12 +29,21 @@ import numpy as np
 
 from kaju import __version__, errors
 from kaju.arrays import Ints
-from kaju.errors import ParameterError, ResultFileError, SceneError, WorkerError, by_name, needing
+from kaju.errors import (
+    ParameterError,
+    ResultFileError,
+    SceneError,
+    WorkerError,
+    brief,
+    by_name,
+    needing,
+    require,
+)
 from kaju.files import atomic_file, is_there
 from kaju.model.network import SpringNetwork
 from kaju.model.network import solve as solve_network
 from kaju.model.scene import Scene, load_scene
-from kaju.model.scene.validation import plain
+from kaju.model.scene.validation import key_path, plain
 from kaju.model.transfer.load_model import LoadModel
 from kaju.stepping import progress_line, without_progress
 
@@ -85,10 +93,10 @@ def sweep(
         returns a scene, a network, a model to be run, or the answer itself.
     vary : mapping of str to sequence or distribution
         Lists of values or distributions of `scipy.stats` by key path of the scene, such as
-        ``"loads[0].force[1]"``. Keys that begin with ``run.`` are options of `run`.
+        ``"loads.0.force.1"``. Keys that begin with ``run.`` are options of `run`.
     measure : str, sequence of str or callable, optional
         Figures of the result's summary or attributes (``"last.ledger.taken"``,
-        ``"reaction.bottom[1]"``), or a function of the result that returns a number, or several by
+        ``"reaction.bottom.1"``), or a function of the result that returns a number, or several by
         name. None: all single figures of the summary.
     samples : int, optional
         Number of points, for the methods that draw them.
@@ -119,7 +127,7 @@ def sweep(
     Raises
     ------
     ParameterError, SceneError
-        If points, measures or functions are not as above, or fit no point.
+        If points, measures or functions are not as above or fit no point, or all runs fail alike.
     ResultFileError
         If the folder holds another sweep, or cannot be written.
     WorkerError
@@ -134,6 +142,9 @@ def sweep(
     """
     if isinstance(subject, (str, Path)):
         subject = load_scene(subject)
+    for name, given in {"subject": subject, "run": run}.items():
+        told = f"{name}: must be a function or the class of a model, got {brief(given)}"
+        require(callable(given) or isinstance(given, Scene), told)
     points = points_of(vary, method, samples, _whole("seed", seed, 0))
     runs = SweepRun(subject, run, _checked(measure), seed)
     if isinstance(subject, Scene):
@@ -150,7 +161,8 @@ def sweep(
                 rows.add(row)
                 report(f"{done:,} of {len(points):,} runs")
         table = rows.table()
-    if table["error"].str.startswith("ParameterError: ").all():
+    kinds = {told.partition(":")[0] for told in table["error"]}
+    if len(kinds) == 1 and "" not in kinds:
         told = table["error"].iloc[0].removeprefix("ParameterError: ")
         raise ParameterError(f"every run failed, the first with {told}")
     if folder is not None and len(missing):
@@ -395,7 +407,7 @@ class SweepRun:
         changes = {key: value for key, value in point.items() if not key.startswith("run.")}
         if not isinstance(self.subject, Scene):
             return _called(self.subject, (), changes, seed)
-        return self.subject.with_overrides({key_path(k): v for k, v in changes.items()})
+        return self.subject.with_overrides(changes)
 
 
 def _called(
@@ -449,7 +461,7 @@ def _everything(result: Any) -> Row:
 
 
 def _found(result: Any, table: Mapping[str, Any], name: str) -> Any:
-    """Return ``reaction.bottom[1]`` of a summary, or ``last.ledger.taken`` of the result."""
+    """Return ``reaction.bottom.1`` of a summary, or ``last.ledger.taken`` of the result."""
     found: Any = table if key_path(name).split(".")[0] in table else result
     for key in key_path(name).split("."):
         try:
@@ -562,8 +574,3 @@ def _sampled(vary: Vary, method: str, samples: int | None, seed: int) -> list[Se
             values = _values(key, given)
             columns.append([values[int(place)] for place in column * len(values)])
     return columns
-
-
-def key_path(key: str) -> str:
-    """Return ``loads[0].force[1]`` as ``loads.0.force.1``."""
-    return re.sub(r"\[(\d+)\]", r".\1", key)

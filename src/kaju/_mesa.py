@@ -71,14 +71,15 @@ class Agent(mesa.Agent):
 class MadeByModels(type(mesa.Agent)):  # type: ignore[misc]
     """The kind of classes whose agents only a model makes."""
 
-    def __call__(cls, *start: Any, **named: Any) -> Any:
-        """Make an agent; refuse a call without model and cell."""
-        if len(start) + len(named) < 2:
+    def __call__(cls, model: Any = None, *start: Any, **named: Any) -> Any:
+        """Make an agent of a model; refuse to be called by anybody else."""
+        if not isinstance(model, Model):
             raise AgentError(
                 f"{cls.__name__}(): a model makes its agents, where loads arrive; give it the "
-                f"class itself, without brackets: {cls.__name__}"
+                f"class itself, without brackets: {cls.__name__}, as in "
+                f"functools.partial(kaju.{cls.goes_into.format(cls.__name__)})"
             )
-        return super().__call__(*start, **named)
+        return super().__call__(model, *start, **named)
 
     @property
     def __signature__(cls) -> Signature:
@@ -90,6 +91,7 @@ class MadeByModels(type(mesa.Agent)):  # type: ignore[misc]
 class FixedAgent(mesa.discrete_space.FixedAgent, metaclass=MadeByModels):
     """Mesa's agent of one cell."""
 
+    goes_into = "LoadModel, material_agent={}"  # the class, which errors tell
     _ids: Any = _numbers
 
 

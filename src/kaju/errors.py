@@ -161,7 +161,9 @@ def brief(value: object) -> str:
 
 def suggestion(name: str, known: Iterable[str], cutoff: float = 0.6) -> str:
     """Return " (did you mean 'steel'?)" if a known name is spelt much like `name`, else ""."""
-    near = get_close_matches(name.lower(), list(known), n=1, cutoff=cutoff)
+    known, low = list(known), name.lower()
+    cut_short = [one for one in known if len(low) > 2 and one.startswith(low)]  # tol, res
+    near = get_close_matches(low, known, n=1, cutoff=cutoff) or cut_short
     return f" (did you mean {near[0]!r}?)" if near else ""
 
 

@@ -102,7 +102,7 @@ def test_new_writes_a_scene_that_runs(kaju):
     code, _, err = kaju("new", "mine.toml")
     assert code == 2
     assert "exists already" in err
-    far = ["check", str(EXAMPLES / "lug.toml"), "--set", "loads.0.force=[1e12, 0.0]"]
+    far = ["check", str(EXAMPLES / "lug.toml"), "--set", "loads[0].force=[1e12, 0.0]"]
     assert "a note asks a question" in kaju(*far)[1].splitlines()[-1]
 
 

@@ -87,6 +87,8 @@ def test_space_offers_the_same():
     [
         ({"tolerance": "a"}, "tolerance: must be a number"),
         ({"tolerance": 5.0}, "got 5.0; 5 % are 0.05"),
+        ({"tolerance": "2%"}, "got '2%'; 2 % are 0.02"),
+        ({"tol": 0.1}, "tol: solve has no such argument .did you mean 'tolerance'"),
         ({"tolerance": 1e-10}, "tolerance: must be a number from 1e-06"),
         ({"resolution": float("nan")}, "resolution: must be a whole number"),
         ({"resolution": 0}, "resolution"),

@@ -143,7 +143,11 @@ def test_a_file_may_be_mended_while_it_is_read(tmp_path):
     path.write_text(PLATE.replace("steps = 20", "steps = 0"))
     with pytest.raises(SceneError, match=r"plate.toml: line 11: loads.0.steps: must be above 0"):
         load_scene(path)
-    assert load_scene(path, {"loads.0.steps": "2"}).stages == 2
+    for spelling in ("loads.0.steps", "loads[0].steps"):
+        assert load_scene(path, {spelling: "2"}).stages == 2
+        assert load_scene(path, {spelling: 3}).with_overrides({spelling: "4"}).stages == 4
+    with pytest.raises(SceneError, match=r"toml: line 8: loads.0.steps: must be above 0, got -1"):
+        load_scene(path, {"loads[0].steps": "-1"})  # the load's line: the value is not the file's
 
 
 def test_a_new_kind_of_rule_starts_a_new_rule():

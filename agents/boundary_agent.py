@@ -18,6 +18,15 @@ class BoundaryAgent(PlacedAgent):
     back of a load, `turn` where that points. What is not given back counts as absorbed. A model
     takes your classes as ``boundary_agents={"free": ..., "rigid": ..., "roller": ...}``.
 
+    Attributes
+    ----------
+    taken, passed : dict of int to float
+        Loads that arrived (N), by direction; loads given back (N), by the arm to who takes them.
+    kept, returned : float
+        What was not given back (N), and what was.
+    index, position, spawn_step : tuple of int, array, int
+        As of a `MaterialAgent`; an index of -1 is beside the first cell.
+
     Examples
     --------
     >>> import kaju
@@ -37,7 +46,6 @@ class BoundaryAgent(PlacedAgent):
     def __init__(self, model: Any, cell: Cell) -> None:
         super().__init__(model, cell)
         self.returned = 0.0
-        """Sum of the loads given back (N)."""
 
     def answer(self, load: Load, arm: int) -> Load | None:
         """Take a load that came over `arm`, return what goes back of it, and add up both."""
@@ -53,7 +61,21 @@ class BoundaryAgent(PlacedAgent):
         return back
 
     def give_back(self, load: Load, arm: int) -> Load | None:
-        """Return the load that goes back to its sender, or None; it left the body over `arm`."""
+        """Return the load that goes back to its sender.
+
+        Parameters
+        ----------
+        load : Load
+            What arrived: `direction`, `magnitude` (N), number of `copies`, and `sense`.
+        arm : int
+            The face normal over which it left the body.
+
+        Returns
+        -------
+        Load or None
+            No more than arrived, such as ``self.turn(load, arm)._replace(magnitude=0.1)``; None:
+            nothing goes back. What does not is absorbed.
+        """
         back = self.turn(load, arm)
         if not isinstance(back, Load):
             told = "must return the load on its way back (give_back may return None), got"

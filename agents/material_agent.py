@@ -58,21 +58,16 @@ class PlacedAgent(FixedAgent):
     model: Any
 
     def __init__(self, model: Any, cell: Cell) -> None:
+        """Wake in a cell; an `__init__` of your own takes *start and calls this one with them."""
         super().__init__(model)
         self.cell = cell
         self.pos = cell.coordinate
         self.spawn_step = model.generation + 1
-        """Generation in which the first load was taken, counted from 1."""
         self.taken: dict[int, float] = Amounts()
-        """Loads taken (N), by the direction their force points along, pushes and pulls."""
         self.kept = 0.0
-        """Sum of what stays here (N): own shares, which deform a cell along the axis of each load;
-        at a boundary what is not given back, 0 unless one of your own absorbs some."""
         self.passed: dict[int, float] = Amounts()
-        """Loads handed over (N), by arm; at a boundary by the arm to the agent that takes them."""
 
     index = property(lambda agent: agent.cell.coordinate)
-    """Column, row (and layer), counted from 0, as `pos`; -1 is beside the first cell."""
 
     @property
     def position(self) -> Floats:
@@ -87,35 +82,47 @@ class MaterialAgent(PlacedAgent):
     shares that leave, `pass_on` hands them over, `shortening` returns the strain. Everything that a
     subclass hands over is checked: an impossible load raises an `AgentError`.
 
+    Attributes
+    ----------
+    index, position : tuple of int, array
+        Column, row (and layer) of its cell, counted from 0; the middle of the cell (m).
+    material, shares : Material, Shares
+        What the cell is made of; what the agent keeps and passes on of each newton.
+    inbox : dict
+        Loads to take in the next step: (direction, magnitude, sense) → copies.
+    taken, pulled, passed : dict of int to float
+        Loads taken and the pulls among them (N), by direction; loads handed over (N), by arm.
+    kept, squeezed : float, dict of int to float
+        Own shares (N), summed; the same along each axis, pushes less pulls, which deform the cell.
+    dropped : float
+        Emissions that end here, up to γ each (N).
+    spawn_step, woken_by : int, list of MaterialAgent
+        Generation in which it took its first load, counted from 1; whose loads arrived then, none
+        if it was an applied load.
+
     Examples
     --------
     >>> import kaju
     >>> class Counting(kaju.MaterialAgent):
-    ...     loads = 0
+    ...     loads = 0.0
     ...     def take(self, load):
     ...         super().take(load)
-    ...         self.loads += 1
+    ...         self.loads += load.copies  # equal loads that arrive together are one call
     >>> model = kaju.LoadModel(kaju.load_scene("plate.toml"), material_agent=Counting)
     >>> result = model.run()
     >>> max(agent.loads for agent in model.agents_by_type[Counting])
-    6
+    6.0
     """
 
     def __init__(self, model: Any, cell: Cell, material: Material, shares: Shares) -> None:
         super().__init__(model, cell)
         self.material, self.shares = material, shares
-        """What the cell is made of; what the agent keeps and passes on of each newton."""
         self.engine: Any = model.engine
         self.woken_by: list[MaterialAgent] = []
-        """The agents whose loads arrived in that generation; empty for an applied load."""
         self.pulled: dict[int, float] = Amounts()
-        """The pulls among `taken` (N); empty unless the rule has a sense."""
         self.squeezed: dict[int, float] = Amounts()
-        """What is kept along each axis (N), pushes less pulls."""
         self.dropped = 0.0
-        """Emissions that end here, up to γ each (N)."""
         self.inbox: dict[tuple[int, float, Sense], float] = {}
-        """Loads to take in the next step: (direction, magnitude, sense) → copies."""
         # What the cell is, its number, and its form, as the scene and the lattice count.
         self._kind, self._key, self._form = self.engine.seen[cell.coordinate]
         # Over each arm the box there; the engine finds it when something is handed over.
@@ -172,7 +179,13 @@ class MaterialAgent(PlacedAgent):
         return loads
 
     def take(self, load: Load) -> None:
-        """Keep the own share of a load."""
+        """Keep the own share of a load: book it in `taken`, and add what stays to `kept`.
+
+        Parameters
+        ----------
+        load : Load
+            Its `direction`, `magnitude` (N), number of `copies`, and `sense`; `total` (N) is all.
+        """
         if type(load) is not Load:
             raise self.engine.guard.wrong(self, "take", f"gets the load, not {brief(load)}")
         direction, magnitude, copies, sense = load
@@ -183,7 +196,20 @@ class MaterialAgent(PlacedAgent):
         self.kept += self.shares.own * total
 
     def emissions(self, load: Load) -> tuple[Emission, ...]:
-        """Return what leaves the agent for each newton of a load."""
+        """Return what leaves the agent for each newton of a load; [] is nothing.
+
+        Parameters
+        ----------
+        load : Load
+            The load just taken, as for `take`.
+
+        Returns
+        -------
+        tuple of Emission
+            Rows of (arm, direction, share, sense): over which face a load leaves, where its force
+            points, both as numbers of face normals (`lattice.direction_names`); its size for each
+            newton taken, at least 0; and "push", or "pull" if the rule has a sense.
+        """
         shares, sent = self._sent_by
         if shares is not self.shares:
             sent = self.engine.emissions_of(self)
@@ -192,7 +218,14 @@ class MaterialAgent(PlacedAgent):
         return emissions
 
     def pass_on(self, load: Load) -> None:
-        """Hand the other shares of a load to the neighbours, unless they are too small."""
+        """Hand the `emissions` of a load to the neighbours, unless they are too small.
+
+        Parameters
+        ----------
+        load : Load
+            The load just taken, handed on once. `self.model.hand_over(self, arm, load)` hands over
+            a load of your own making instead.
+        """
         if type(load) is not Load:
             raise self.engine.guard.wrong(self, "pass_on", f"gets the load, not {brief(load)}")
         if load is self._handed:

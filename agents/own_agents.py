@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from difflib import get_close_matches
 from inspect import signature, unwrap
-from itertools import islice
+from itertools import chain, islice
 from numbers import Integral
+from traceback import walk_tb
 from types import FunctionType
 from typing import Any
 
@@ -120,6 +122,22 @@ def _check_hooks(whose: str, agent: type, base: type) -> None:
 # Answers, in a run.
 
 
+@contextmanager
+def noting_agents() -> Iterator[None]:
+    """Add to an error from within an agent's hook a note of whose, where and when."""
+    try:
+        yield
+    except Exception as error:
+        hooks, called = {*chain(*HOOKS.values())}, ""
+        for frame, _ in walk_tb(error.__traceback__):
+            agent, hook = frame.f_locals.get("self"), frame.f_code.co_name
+            if hook in hooks and isinstance(agent, PlacedAgent | FaceAgent):
+                called, within = agent.model.engine.guard.called(agent), hook
+        if called and called not in str(error):
+            error.add_note(f"in {within} of {called}")
+        raise
+
+
 class OwnAgents:
     """Checks what agents of your own answer, on a body with these arms (by form) and senses."""
 
@@ -131,15 +149,19 @@ class OwnAgents:
         every = range(directions)  # a boundary, which has no form, may give back over any
         self.arms_of: dict[Any, Sequence[int]] = {None: every, **dict(enumerate(arms))}
 
-    def wrong(self, agent: PlacedAgent | FaceAgent, hook: str, what: str) -> AgentError:
-        """Return the error of a wrong answer."""
+    def called(self, agent: PlacedAgent | FaceAgent) -> str:
+        """Return how errors call an agent: its class, and where and when it acts."""
         if isinstance(agent, PlacedAgent):
             where = f"cell {agent.index} in generation {self.model.generation}"
         else:
             level, axis, index = agent.level, "xyz"[agent.place.axis], agent.place.index
             kind = f"block {index} of level {level}" if level else f"cell {index}"
             where = f"the lower {axis} face of {kind} in step {self.model.generation + 1}"
-        return AgentError(f"{hook}: {type(agent).__name__} at {where} {what}")
+        return f"{type(agent).__name__} at {where}"
+
+    def wrong(self, agent: PlacedAgent | FaceAgent, hook: str, what: str) -> AgentError:
+        """Return the error of a wrong answer."""
+        return AgentError(f"{hook}: {self.called(agent)} {what}")
 
     def check_begun(self, agent: PlacedAgent | FaceAgent, place: tuple[int, ...]) -> None:
         """Refuse an agent whose `__init__` has not called that of its base."""

@@ -35,6 +35,10 @@ class Load(NamedTuple):
         """Sum of the equal loads (N)."""
         return self.magnitude * self.copies
 
+    def __setattr__(self, name: str, value: object) -> None:
+        """Refuse to be changed: others may have the same load."""
+        raise AgentError(f"load: cannot be changed; make another, load._replace({name}={value!r})")
+
     def __mul__(self, factor: object) -> Any:
         """Refuse to be taken for a number, or for a tuple to repeat."""
         raise AgentError("load: is no number; take load.total (N), its magnitude times its copies")

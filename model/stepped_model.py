@@ -9,6 +9,7 @@ from typing import Any, NamedTuple, Self
 from numpy.random import default_rng
 
 from kaju._mesa import DataCollector, Model, number_agents_of, track_figures
+from kaju.agents.own_agents import noting_agents
 from kaju.errors import ParameterError, brief, require
 from kaju.result_kinds import NOTEBOOK, fetch
 
@@ -73,7 +74,8 @@ class SteppedModel(Model):
             self.steps = self.steps_taken  # as Mesa 3 counts them, and Mesa 4 does not
             self._stepping = True
             try:
-                self.act_once(self._own_step)
+                with noting_agents():
+                    self.act_once(self._own_step)
             finally:
                 self._stepping = False
             if self._own_collector:

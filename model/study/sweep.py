@@ -32,7 +32,6 @@ from kaju.arrays import Ints
 from kaju.errors import (
     ParameterError,
     ResultFileError,
-    SceneError,
     WorkerError,
     brief,
     by_name,
@@ -147,8 +146,6 @@ def sweep(
         require(callable(given) or isinstance(given, Scene), told)
     points = points_of(vary, method, samples, _whole("seed", seed, 0))
     runs = SweepRun(subject, run, _checked(measure), seed)
-    if isinstance(subject, Scene):
-        _try_scenes(runs, points)
     with needing("sweep: joblib hands out its runs, which a browser's Python has not"):
         import joblib
     workers = _whole("workers", workers or joblib.cpu_count(), 1)
@@ -161,10 +158,13 @@ def sweep(
                 rows.add(row)
                 report(f"{done:,} of {len(points):,} runs")
         table = rows.table()
-    kinds = {told.partition(":")[0] for told in table["error"]}
-    if len(kinds) == 1 and "" not in kinds:
-        told = table["error"].iloc[0].removeprefix("ParameterError: ")
-        raise ParameterError(f"every run failed, the first with {told}")
+        kinds = {told.partition(":")[0] for told in table["error"]}
+        if len(kinds) == 1 and "" not in kinds:
+            rows.forget()
+            own = '; numbers of `run`, and of agents of your own, are called such as "run.wear"'
+            told = f"{table['error'].iloc[0]}{own if kinds == {'SceneError'} else ''}"
+            told = told.removeprefix("ParameterError: ")
+            raise ParameterError(f"every run failed, the first with {told}")
     if folder is not None and len(missing):
         with atomic_file(folder / "table.csv", ResultFileError) as scratch:
             table.to_csv(scratch, index=False)
@@ -188,19 +188,6 @@ def _whole(name: str, value: Any, least: int) -> int:
     if isinstance(value, bool) or not isinstance(value, int) or value < least:
         raise ParameterError(f"{name}: must be a whole number, {least} or more, got {value!r}")
     return value
-
-
-def _try_scenes(runs: SweepRun, points: Points) -> None:
-    """Refuse a sweep of which no point makes a scene: a key is misspelt rather than 2000 runs."""
-    first = None
-    for number in np.unique(np.linspace(0, len(points) - 1, 8).astype(int)):
-        try:
-            runs.subject_at(points[int(number)], 0)
-            return
-        except SceneError as error:
-            first = first or error
-    told = 'numbers of `run`, and of agents of your own, are called such as "run.wear"'
-    raise SceneError(f"no point that was tried makes a scene: {first}; {told}") from first
 
 
 def _described(runs: SweepRun, points: Points, method: str) -> dict[str, Any]:
@@ -301,6 +288,11 @@ class SweepStore:
         """Keep a row."""
         self._do("INSERT OR IGNORE INTO rows VALUES (?, ?)", row["run"], json.dumps(row))
 
+    def forget(self) -> None:
+        """Give the folder free: nothing in it is worth keeping."""
+        self._do("DELETE FROM rows")
+        self._do("DELETE FROM about")
+
     def about(self) -> dict[str, Any]:
         """Return what the sweep is."""
         with self._readable():
@@ -388,7 +380,9 @@ class SweepRun:
                     f"measure: {taken.pop()!r} is another column's name; return it by a new one"
                 )
         except Exception as error:  # whatever a run dies of belongs into its row
-            return row | {"error": f"{type(error).__name__}: {error}"}
+            notes = getattr(error, "__notes__", ())  # of an agent of your own: where, and when
+            told = "; ".join([f"{type(error).__name__}: {error}", *notes])
+            return row | {"error": told}
         return row | figures | {"error": ""}
 
     def figures(self, number: int, point: Mapping[str, Any]) -> Row:

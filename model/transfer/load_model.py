@@ -13,7 +13,7 @@ from typing import Any, Literal
 from kaju._mesa import Model
 from kaju.agents.boundary_agent import BoundaryAgent
 from kaju.agents.material_agent import MaterialAgent
-from kaju.agents.own_agents import every_name, own_classes
+from kaju.agents.own_agents import every_name, noting_agents, own_classes
 from kaju.agents.parameter import Parameter, State, declared
 from kaju.agents.rules import ShareRule
 from kaju.agents.shares import Load
@@ -197,7 +197,8 @@ class LoadModel(SteppedModel):
 
     def result(self) -> TransferResult:
         """Return what has been computed so far."""
-        return self.course.result()
+        with noting_agents():
+            return self.course.result()
 
     generation = property(attrgetter("engine.generation"), doc="Steps taken in the current stage.")
     stage = property(attrgetter("course.stage"), doc="Current stage of loading, counted from 1.")

@@ -181,10 +181,43 @@ UNBALANCED = {
 }
 
 
-def test_an_error_of_an_agents_own_is_not_hidden():
-    own = material(emissions=lambda self, load: (int(word) for word in ["x"]))
-    with pytest.raises(ValueError, match="invalid literal"):
-        LoadModel(scene(), **own).run(progress=False)
+class Mine(MaterialAgent):
+    def take(self, load):
+        load.magnitude *= 2.0
+
+
+class Reads(MaterialAgent):
+    def emissions(self, load):
+        return (int(word) for word in ["x"])
+
+
+class Yields(MaterialAgent):
+    def shortening(self, axis):
+        return self.wear
+
+
+class Wall(RigidBoundaryAgent):
+    def give_back(self, load, arm):
+        return 1.0 / 0.0
+
+
+class Face(FaceAgent):
+    def due(self, asked):
+        return {}["asked"]
+
+
+@pytest.mark.parametrize(("own", "told", "note"), [
+    ({"material_agent": Mine}, "load._replace.magnitude=", "take of Mine at cell (1, 2) in gener"),
+    ({"material_agent": Reads}, "invalid literal", "pass_on of Reads at cell (1, 2) in gener"),
+    ({"material_agent": Yields}, "no attribute 'wear'", "shortening of Yields at cell (1, 2)"),
+    ({"boundary_agents": {"rigid": Wall}}, "zero", "give_back of Wall at cell (1, -1) in gener"),
+    ({"face_agent": Face}, "asked", "due of Face at the lower y face of cell (1, 2) in step"),
+])  # fmt: skip
+def test_an_error_of_an_agents_own_is_not_hidden_and_its_agent_named(own, told, note):
+    with pytest.raises(Exception, match=told) as raised:
+        run(own)
+    (noted,) = raised.value.__notes__
+    assert noted.startswith(f"in {note}")
 
 
 @pytest.mark.parametrize("kind", UNBALANCED)

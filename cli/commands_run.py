@@ -172,7 +172,10 @@ def solve(
     resolution: options.Resolution = None,
     tolerance: Annotated[
         float | None,
-        options.share("Largest error allowed, a share in the energy norm; 0.01 or 1%."),
+        options.share(
+            "Largest error allowed, 0.01 or 1%: of the goal (0.01 unless given), else a share in "
+            "the energy norm."
+        ),
     ] = None,
     goal: options.Goal = None,
 ) -> Any:

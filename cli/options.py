@@ -74,8 +74,8 @@ Goal = Annotated[
         "--at",
         metavar="PLACE",
         help="What the tolerance is about: the deflection of a side such as top, of a point "
-        'such as 0.1,0.2 (m), or of a region such as {"box": [[0, 0], [0.1, 0.1]]}; or the largest '
-        "stress along a true outline, by its name.",
+        'such as 0.1,0.2 (m), or of a region such as {"box": [[0, 0], [0.1, 0.1]]}. Within true '
+        "outlines: of a free side, or the largest stress along an outline, by its name.",
     ),
 ]
 

@@ -89,6 +89,7 @@ def _parts(places: Floats, most: int) -> list[Ints]:
 def applied_text(scene: Scene, stage: int | None, applied: AppliedLoads | Arrows) -> list[str]:
     """Return in words how much is applied, if anything is."""
     total = float(np.linalg.norm(applied.force, axis=1).sum())
+    resultant = float(np.linalg.norm(applied.force.sum(axis=0)))
     if total == 0.0:
         return []
     told, where, now = quantity(total, "N"), "", stage or scene.stages
@@ -99,7 +100,6 @@ def applied_text(scene: Scene, stage: int | None, applied: AppliedLoads | Arrows
     ]
     if turned:
         told = " and ".join(f"a couple of {quantity(float(one), 'N m')}" for one in turned)
-        resultant = float(np.linalg.norm(applied.force.sum(axis=0)))
         if resultant > 1e-9 * total:
             told = f"forces of resultant {quantity(resultant, 'N')} and {told}"
     elif isinstance(applied, AppliedLoads):
@@ -108,7 +108,8 @@ def applied_text(scene: Scene, stage: int | None, applied: AppliedLoads | Arrows
         places = [f"{counted(faces, 'face')}"] if faces else []
         places += [f"in {counted(inner, 'cell')}"] if inner else []
         where = f" on {' and '.join(places)}".replace("on in", "in") if faces + inner > 1 else ""
-    return [f"applied: {told}{where}"]
+    opposed = not turned and resultant < (1.0 - 1e-9) * total
+    return [f"applied: {told}{where}{', added by amount' if opposed else ''}"]
 
 
 def draw_forces(

@@ -16,17 +16,7 @@ from kaju.model.transfer.transfer_result import TransferResult
 from .films import PER_SECOND, Film
 from .load_plots import threshold_of
 from .section import check_number
-from .style import (
-    COLOURS,
-    FAINT,
-    INK,
-    LINE,
-    caption,
-    label_axis,
-    legend,
-    new_axes,
-    new_figure,
-)
+from .style import COLOURS, FAINT, INK, LINE, caption, label_axis, legend, new_axes, new_figure
 from .units import counted, quantity
 
 if TYPE_CHECKING:

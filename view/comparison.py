@@ -178,10 +178,7 @@ def pictures_beside(study: RuleStudy) -> dict[str, Figure]:
         shapes = {name: comparison.result for name, comparison in study.comparisons.items()}
         figures["deformed"] = plot_shapes(shapes, study.believed)
     moved = ("displacement", along, f"$u_{along}$")
-    return figures | {
-        "displacement": _profiles(study, [moved]),
-        "cuts": _cuts_beside(study),
-    }
+    return figures | {"displacement": _profiles(study, [moved]), "cuts": _cuts_beside(study)}
 
 
 def _cuts_beside(study: RuleStudy) -> Figure:

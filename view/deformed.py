@@ -15,6 +15,7 @@ from matplotlib.colors import Normalize
 
 from kaju.arrays import Floats, Ints
 from kaju.errors import ParameterError
+from kaju.model.elastic.goals.quantities import HOOP, Stress
 from kaju.model.results.mesh import same_points
 from kaju.model.results.result import BodyResult, Tiles
 from kaju.model.transfer.transfer_result import TransferResult
@@ -228,8 +229,10 @@ def stress_text(result: ElasticResult) -> str:
     for goal in result.goals:
         far = goal.components[0] if len(goal.components) == 1 else hypot(*goal.components)
         told = quantity(far, goal.figures()["unit"])
-        largest = ", largest by amount" if getattr(goal.quantity, "component", "") == "hoop" else ""
-        asked += f"asked for{largest}: {told}, error {100.0 * goal.relative_error:.2g} %; "
+        what, where = "asked for", ""
+        if isinstance(goal.quantity, Stress) and goal.quantity.component == HOOP:
+            what, where = "hoop stress asked for, largest by amount", f" along {goal.quantity.at!r}"
+        asked += f"{what}: {told}, error {100.0 * goal.relative_error:.2g} %{where}; "
     found, along = result.largest_stress, result.summary()["largest_hoop_stress_Pa"] or {}
     name = max(along, key=lambda name: abs(along[name]), default="")
     if name and abs(along[name]) > found.value:

@@ -270,14 +270,14 @@ def elastic_answer(result: ElasticResult) -> Motion:
     values["gap"] = "J", np.nan_to_num(rows["gap"])
     values |= _opinions(result)
     values["spawn_step"] = "", rows["spawn_step"].astype(float)
-    over = "generation", "", np.arange(float(count))
+    over = "step", "", np.arange(float(count))
     agents = {"agents": np.array([float(g.agents) for g in result.generations])}
     errors = {"error": 100.0 * np.array(errors_of(result))}
     retired = rows["retired_step"].astype(np.int64)
     shown = Motion(
         **_apart(family.lower[:, None] + family.size[:, None, None] * corner_order(dimension)),
         at=np.arange(float(count)),
-        along="generation",
+        along="step",
         values=values,
         moved=moved.reshape(count, -1, dimension),
         born=rows["spawn_step"].astype(np.int64),

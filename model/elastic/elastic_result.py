@@ -37,7 +37,7 @@ from kaju.model.elastic.pair.loop import PairLoop
 from kaju.model.elastic.posed_body import PosedBody
 from kaju.model.results.cuts import Carrying, Cuts
 from kaju.model.results.mesh import corner_order, write_vtk
-from kaju.model.results.result import BALANCE, BodyResult, Check, finite, in_columns
+from kaju.model.results.result import BALANCE, ROUNDING, BodyResult, Check, finite, in_columns
 from kaju.model.scene import Scene
 from kaju.model.solid.solid_agents import SolidAgents
 from kaju.stepping import interrupt_requested
@@ -461,7 +461,8 @@ class ElasticResult(BodyResult):
 
     def summary(self) -> dict[str, Any]:
         """Return the key figures as plain numbers and strings."""
-        size = self.size
+        size, least = self.size, ROUNDING * np.abs(self.found.applied(self.stage)).sum()
+        told = {name: f * (np.abs(f) > least) + 0.0 for name, f in self.reactions.items()}
         figures: dict[str, Any] = {
             "rule": "elastic",
             "plane": self.scene.plane,
@@ -476,7 +477,7 @@ class ElasticResult(BodyResult):
             "largest_stress_at_m": list(self.largest_stress.at),
             "largest_stress_has_no_limit": self.largest_stress.no_limit or None,
             "largest_hoop_stress_Pa": self._largest_along() or None,
-            "reaction": {name: force.tolist() for name, force in self.reactions.items()},
+            "reaction": {name: force.tolist() for name, force in told.items()},
             "method": self.found.solution.method,
             "iterations": max(len(self.residuals) - 1, 0),
             "residual": self.residuals[-1] if self.residuals else 0.0,

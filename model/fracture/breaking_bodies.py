@@ -30,15 +30,9 @@ from scipy.sparse import csc_array, csr_array, diags_array
 
 from kaju.arrays import Floats, Ints, spread
 from kaju.errors import SceneError, require
-from kaju.model.elastic.equal import fields
+from kaju.model.elastic.equal import fields, staggered
 from kaju.model.elastic.equal.grid import grid_of
-from kaju.model.elastic.equal.staggered import (
-    around_edges,
-    axis_pairs,
-    edge_modulus,
-    padded,
-    rows_of,
-)
+from kaju.model.elastic.equal.staggered import axis_pairs, edge_modulus, padded, rows_of
 from kaju.model.elastic.moduli import strain_of
 from kaju.model.network import SpringNetwork
 from kaju.model.network.assembler import Assembler, along_springs
@@ -329,7 +323,7 @@ class BreakingCells(WeakeningBody):
         # and the sum of their compliances, by which a broken cell softens the edge.
         around = []
         for pair, modulus in edges.items():
-            cells = around_edges(padded(number, pair, -1), pair)
+            cells = staggered.around_edges(padded(number, pair, -1), pair)
             around.append(np.array([cell[modulus > 0] for cell in cells]))
         self._around: Ints = np.concatenate(around, axis=1)
         self._compliance: Floats = 1.0 / problem.moduli.shear[self._kinds]

@@ -21,21 +21,11 @@ from kaju.model.elastic.scales import Scales
 from kaju.model.scene import Body, Scene
 from kaju.model.scene.curves import Point
 
+from . import true_shapes
 from .arc_triangles import CLOSE, ArcFrames, TouchError, keep_apart
 from .leaf_triangles import parted_lines
 from .triangulation import NEAR
-from .true_shapes import (
-    AIR,
-    KINK,
-    SLIGHT,
-    TINY,
-    UNIT,
-    Law,
-    TrueBody,
-    TrueRegion,
-    first_leaves,
-    holding,
-)
+from .true_shapes import AIR, KINK, SLIGHT, TINY, UNIT, Law, TrueBody, TrueRegion, holding
 
 SIDES = {"left": (0, 0), "right": (0, 1), "bottom": (1, 0), "top": (1, 1)}
 """Of each side of the array its axis, and whether it is the upper one."""
@@ -372,7 +362,7 @@ class OutlinedBody:
 
     def start(self) -> LeafCells:
         """Return the first agents."""
-        return first_leaves(self.shape)
+        return true_shapes.first_leaves(self.shape)
 
     def check_rounding(self, tolerance: float) -> None:
         """Refuse materials so unlike that rounding hides whether a tolerance is kept."""

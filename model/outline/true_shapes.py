@@ -15,17 +15,8 @@ from kaju.model.elastic.pair.leaves import LeafCells
 from kaju.model.scene.curves import Point, cross, crossings, flattened, parted_at, real_roots
 from kaju.model.scene.lattice import area_of
 
-from .arc_triangles import (
-    CLOSE,
-    ArcFrames,
-    TouchError,
-    angle,
-    halved,
-    in_triangles,
-    keep_apart,
-    kept_apart,
-    overlapping,
-)
+from . import arc_triangles
+from .arc_triangles import CLOSE, ArcFrames, TouchError, angle, halved, kept_apart
 
 TINY = 1e-9  # angles, and shares of a leaf, a shape or all forces, that are rounding if less
 GRID = 2.0**32  # corners of polygons are whole multiples of 1 / GRID edges of the first agents
@@ -118,7 +109,7 @@ class ClosedLine:
                 if turn != 0.0 and low[axis] < side < high[axis]:
                     split = [part for one in split for part in _parted_on(one, axis, side)]
             parts += split
-        self.arcs = in_triangles(np.array(parts))
+        self.arcs = arc_triangles.in_triangles(np.array(parts))
         if area_of(ArcFrames(self.arcs).start) < 0.0:
             self.arcs = self.arcs[::-1, ::-1]
 
@@ -217,7 +208,7 @@ class TrueRegion:
         """Return the region of closed lines; raises TouchError where two of them meet."""
         lines = [ClosedLine(one, extent) for one in arcs]
         for one, other in combinations(lines, 2):
-            if not keep_apart(one.arcs, other.arcs):
+            if not arc_triangles.keep_apart(one.arcs, other.arcs):
                 raise TouchError
         rings = [ArcFrames(one.arcs).start for one in lines]
         size = np.array([area_of(ring) for ring in rings])
@@ -260,7 +251,7 @@ class TrueRegion:
     def part_of(self, other: TrueRegion) -> float:
         """Return 1 if it holds all of another region, 0 if nothing, and else 1/2."""
         frames, others = ArcFrames(self.arcs), ArcFrames(other.arcs)
-        if len(overlapping(frames.triangles, others.triangles, CLOSE)[0]):
+        if len(arc_triangles.overlapping(frames.triangles, others.triangles, CLOSE)[0]):
             return 0.5
         own, its = ([ArcFrames(line.arcs).start for line in one.lines] for one in (self, other))
         held = holding([own], np.array([line[0] for line in its]))

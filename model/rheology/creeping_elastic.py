@@ -30,19 +30,12 @@ from kaju.arrays import Flags, Floats, spread
 from kaju.errors import ConvergenceError, ResultError
 from kaju.factors import factors_of
 from kaju.model.elastic.elastic_result import ElasticResult
-from kaju.model.elastic.equal import fields
+from kaju.model.elastic.equal import fields, staggered
 from kaju.model.elastic.equal.cell_agents import CellAgents
 from kaju.model.elastic.equal.direct import DIRECT_LIMIT
 from kaju.model.elastic.equal.krylov import Iteration, conjugate_gradients
 from kaju.model.elastic.equal.problem import ElasticProblem
-from kaju.model.elastic.equal.staggered import (
-    Numbering,
-    Strains,
-    axis_pairs,
-    edge_modulus,
-    rows_of,
-    stiffness_matrix,
-)
+from kaju.model.elastic.equal.staggered import Numbering, Strains, axis_pairs, edge_modulus
 from kaju.model.elastic.moduli import Moduli, moduli_at, moduli_of, normal_stress
 from kaju.model.results.stored import Column
 
@@ -164,7 +157,7 @@ class CreepingBody(Creeping):
         self.shear = self.unit_moduli.shear[:, None]
         self.share = _shares_of_edges(problem, len(materials))
         self.counted = slice(problem.dimension * len(kind))
-        self.numbering, self.rows, self.given, bed, self.load = rows_of(problem)
+        self.numbering, self.rows, self.given, bed, self.load = staggered.rows_of(problem)
         self.columns = self.rows.T.tocsr()
         edges = self.share.shape[1]
         of_materials = laws_of([law_of(material) for material in materials])
@@ -262,7 +255,7 @@ class CreepingBody(Creeping):
         if self.numbering.size <= DIRECT_LIMIT[self.problem.dimension]:
             problem = replace(self.problem, moduli=moduli)
             try:
-                factors = factors_of(stiffness_matrix(problem, self.numbering))
+                factors = factors_of(staggered.stiffness_matrix(problem, self.numbering))
             except RuntimeError as singular:
                 raise _unsolved([1.0]) from singular
             return lambda load: np.asarray(factors.solve(load))

@@ -17,16 +17,9 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from kaju import errors
 from kaju.arrays import Flags, Floats, Ints
-from kaju.errors import (
-    KajuError,
-    ParameterError,
-    ResultError,
-    ResultFileError,
-    SceneError,
-    SupportError,
-    WorkerError,
-)
+from kaju.errors import KajuError, ParameterError, ResultError, ResultFileError, SupportError
 from kaju.files import hidden_folder, move_into_place
 from kaju.model.elastic.equal import fields
 from kaju.model.results.archive import Stored, reading
@@ -292,7 +285,7 @@ def together(comm: Any, step: Callable[[], Answer]) -> Answer:
     except Exception as error:  # sent to the others, and raised below
         failure = error
     # Errors that other processes cannot rebuild travel in words.
-    portable = (type(None), SupportError, SceneError, ParameterError, ResultFileError)
+    portable = (type(None), SupportError, errors.SceneError, ParameterError, ResultFileError)
     travels = type(failure) in portable
     failures = comm.allgather(failure if travels else f"{type(failure).__name__}: {failure}")
     first = next((rank for rank, error in enumerate(failures) if error is not None), None)
@@ -301,4 +294,4 @@ def together(comm: Any, step: Callable[[], Answer]) -> Answer:
     reason = failures[first]
     if isinstance(reason, KajuError):
         raise reason
-    raise WorkerError(f"process {first} of {len(failures)} failed: {reason}") from failure
+    raise errors.WorkerError(f"process {first} of {len(failures)} failed: {reason}") from failure

@@ -10,14 +10,8 @@ from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
-from pydantic import (
-    Field,
-    PlainSerializer,
-    PlainValidator,
-    create_model,
-    field_validator,
-    model_validator,
-)
+import pydantic
+from pydantic import Field, PlainValidator, field_validator, model_validator
 
 from kaju.agents.elastic_rule import ElasticRule
 from kaju.agents.materials import Material, material, meant_material
@@ -61,7 +55,7 @@ Codes = Annotated[
 LatticeName = Annotated[
     str | type[Lattice] | None,
     PlainValidator(lambda value: None if value is None else lattice_given(value)),
-    PlainSerializer(lambda value: getattr(value, "kind", value)),
+    pydantic.PlainSerializer(lambda value: getattr(value, "kind", value)),
 ]
 """What a file calls a lattice, or the class of your own."""
 
@@ -261,7 +255,7 @@ def _table(made: type, **told: tuple[Any, Any]) -> type[Table]:
     for name, (kind, meaning) in told.items():
         given = Field(default=getattr(made, name, ...), description=meaning)
         entries[name] = kind, given if isinstance(meaning, str) else meaning
-    found = create_model(f"{made.__name__}Table", __base__=Table, **entries)
+    found = pydantic.create_model(f"{made.__name__}Table", __base__=Table, **entries)
     found.made = made
     return found
 

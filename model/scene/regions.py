@@ -21,41 +21,16 @@ from pydantic import BeforeValidator, Field, model_validator
 from kaju.arrays import Floats
 from kaju.errors import SceneError, SceneFileError, needing
 from kaju.files import text_of_file
-from kaju.model.scene.validation import (
-    Described,
-    Length,
-    Number,
-    Text,
-    check_axes,
-    one_given,
-    optional,
-)
+from kaju.model.scene import validation
+from kaju.model.scene.validation import Described, Length, Number, Text, check_axes, optional
 
+from . import shapes
 from .curves import Point as Place
 from .curves import conic, cubic, flattened, inflections, line, parted_at
 from .lattice import Lattice, area_of
-from .level_sets import (
-    EMBEDDED_ARRAY,
-    EMBEDDED_PIXELS,
-    SampledShape,
-    checked,
-    read_embedded,
-)
+from .level_sets import EMBEDDED_ARRAY, EMBEDDED_PIXELS, SampledShape, checked, read_embedded
 from .pictures import read_array, read_darkness, read_layers
-from .shapes import (
-    Ball,
-    Box,
-    Cylinder,
-    Ellipse,
-    Extent,
-    Point,
-    Points,
-    Polygon,
-    Ring,
-    RoundedBox,
-    Shape,
-    Slot,
-)
+from .shapes import Ball, Box, Extent, Point, Points, Polygon, Shape
 from .surfaces import surface_from
 
 METRES = "are these metres? 1 mm is 0.001 m"
@@ -134,7 +109,7 @@ class _Shaped(Described):
     )
     disk: Ball | None = None
     ball: Ball | None = None
-    ring: Ring | None = None
+    ring: shapes.Ring | None = None
     polygon: tuple[Point, ...] | None = Field(
         default=None,
         min_length=3,
@@ -146,7 +121,7 @@ class _Shaped(Described):
     def _name(self) -> str:
         """The only shape that is given."""
         names = tuple(name for name in _SHAPES if name in type(self).model_fields)
-        return one_given(self, names, "box: a region has exactly one shape of")
+        return validation.one_given(self, names, "box: a region has exactly one shape of")
 
     @model_validator(mode="after")
     def _one_shape(self) -> Self:
@@ -194,11 +169,11 @@ class Region(_Shaped):
     """
 
     material: Text = Field(description='a material\'s name, "air", "rigid" or "roller"')
-    cylinder: Cylinder | None = None
+    cylinder: shapes.Cylinder | None = None
     surface: SurfaceFile | None = None  # no arc is guessed behind its triangles
-    ellipse: Ellipse | None = None
-    slot: Slot | None = None
-    rounded_box: RoundedBox | None = None
+    ellipse: shapes.Ellipse | None = None
+    slot: shapes.Slot | None = None
+    rounded_box: shapes.RoundedBox | None = None
     path: Annotated[str | PathFile | None, BeforeValidator(_path)] = optional(
         "path data of SVG (m, y upwards), such as 'M 0 0 H 0.1 V 0.1 Z', or {file = 'a.svg'}"
     )
@@ -244,6 +219,7 @@ class LoadRegion(_Shaped):
 def reach_of(shape: Shape, lattice: Lattice, asked: str = METRES) -> str:
     """Say from where to where a shape reaches, and the array."""
     ends = (", ".join(f"{x:.4g}" for x in at) for at in (*shape.extent, lattice.extent))
+    asked = PIXELS if isinstance(shape, PathShape) and shape.in_pixels else asked
     return "reaches from ({}) to ({}) m, the array to ({}) m; {}".format(*ends, asked)
 
 
@@ -268,6 +244,12 @@ _UNITS = {
 }
 """Metres, as CSS has them."""
 _SILENT = ("defs", "metadata", "title", "desc", "style", "namedview", "clipPath", "mask", "marker")
+
+
+PIXELS = (
+    "the drawing names no unit, so its numbers are pixels of 1/96 inch; give its <svg> a width "
+    'and a height with one, such as width="120mm" height="80mm"'
+)
 
 
 def read_drawing(text: str) -> list[Floats]:
@@ -441,6 +423,14 @@ class PathShape(Shape):
     @cached_property
     def _lines(self) -> list[Floats]:
         return read_drawing(self.text) if self.drawing else read_path(self.text)
+
+    @property
+    def in_pixels(self) -> bool:
+        """Whether it is a drawing that names no unit."""
+        page = re.search(r"<(\w+:)?svg\b[^>]*>", self.text) if self.drawing else None
+        unit = "|".join(filter(None, _UNITS))
+        size = rf"\s(width|height)=.[\d.]+\s*({unit})\W"
+        return page is not None and not re.search(size, page[0])
 
     def embedded(self) -> str:
         """Return what a scene carries with it in place of a drawing's file."""

@@ -26,23 +26,12 @@ from kaju.errors import ParameterError, SceneError, SceneFileError, brief
 from kaju.files import atomic_file, text_of_file
 from kaju.result_kinds import NOTEBOOK, fetch
 
-from . import cell_types
+from . import cell_types, description
 from .curves import flattened
-from .description import (
-    FREE,
-    LONGEST,
-    TABLES,
-    Body,
-    Description,
-    LoadTable,
-    SideCondition,
-    check_rule,
-    check_side,
-    with_shared,
-)
+from .description import LONGEST, Body, Description, LoadTable, SideCondition, with_shared
 from .lattice import Cells, Lattice, check_boxes
 from .pictures import Picture, check_size
-from .regions import PathFile, Region, SurfaceFile, reach_of
+from .regions import PIXELS, PathFile, PathShape, Region, SurfaceFile, reach_of
 from .resolved_body import CellBox, ResolvedBody, check_body, check_outlines, nothing_left, resolve
 from .selection import AppliedLoads, Selection, at_stage, check_gravity, select
 from .shapes import Ball, Shape
@@ -99,7 +88,7 @@ class Scene(Description):
 
     @model_validator(mode="after")
     def _consistent(self) -> Scene:
-        check_rule(self.rule, [*self.materials, *(m.name for m in self.cell_materials)])
+        description.check_rule(self.rule, [*self.materials, *(m.name for m in self.cell_materials)])
         if self.outlined:
             check_outlines(self, self._resolved)
             return self
@@ -240,7 +229,14 @@ class Scene(Description):
             if filled.kind == cell_types.AIR and _breaks_through(shape, self.lattice):
                 told = reach_of(shape, self.lattice, "is it meant so?")
                 found.append(f"{where}: this hole breaks through the edge of the body: it {told}")
-        return (*found, *self._cut_off)
+        return (*found, *self._cut_off, *self.in_pixels)
+
+    @property
+    def in_pixels(self) -> list[str]:
+        """Which drawings name no unit, in words."""
+        shapes = enumerate(filled.shape for filled in self._resolved.regions)
+        unknown = [n for n, one in shapes if isinstance(one, PathShape) and one.in_pixels]
+        return [f"body.regions.{number}.path: {PIXELS}" for number in unknown]
 
     @property
     def _cut_off(self) -> Iterator[str]:
@@ -272,8 +268,8 @@ class Scene(Description):
 
     def side_condition(self, name: str) -> SideCondition:
         """Return how a side of the array is held."""
-        check_side(name, self.lattice.sides, f"sides.{name}")
-        return self.sides.get(name, FREE)
+        description.check_side(name, self.lattice.sides, f"sides.{name}")
+        return self.sides.get(name, description.FREE)
 
     def kinds(self, cells: Cells) -> Ints:
         """Return what cells (n, dimension) are: indices into `cell_materials`, or `cell_types`."""
@@ -646,7 +642,7 @@ def _check_first(key: str) -> None:
     if key in Description.model_fields:
         return
     homes = {
-        "rule.": {key for table in TABLES.values() for key in table.model_fields},
+        "rule.": {key for table in description.TABLES.values() for key in table.model_fields},
         "body.": set(Body.model_fields),
         "loads.0.": set(LoadTable.model_fields),
     }

@@ -13,21 +13,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, get_args
 
 import numpy as np
-from pydantic import (
-    AllowInfNan,
-    BaseModel,
-    ConfigDict,
-    Field,
-    PlainValidator,
-    Strict,
-    ValidationError,
-    model_validator,
-)
+import pydantic
+from pydantic import BaseModel, Field, Strict, ValidationError
 from pydantic_core import ErrorDetails, PydanticCustomError
 
 from kaju.errors import ParameterError, SceneError, brief, suggestion
 
-Number = Annotated[float, Strict(), AllowInfNan(False)]
+Number = Annotated[float, Strict(), pydantic.AllowInfNan(False)]
 Coordinate = Annotated[Number, Field(ge=-1e12, le=1e12)]
 Length = Annotated[Number, Field(gt=0.0, le=1e12)]
 Positive = Annotated[Number, Field(gt=0.0)]
@@ -90,9 +82,9 @@ else:
 class Described(_Model):
     """Base of every part of a scene's description: frozen, strict, with kaju's errors."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid", arbitrary_types_allowed=True)
+    model_config = pydantic.ConfigDict(frozen=True, extra="forbid", arbitrary_types_allowed=True)
 
-    @model_validator(mode="before")
+    @pydantic.model_validator(mode="before")
     @classmethod
     def _known_keys_plain_values(cls, values: Any) -> Any:
         """Refuse unknown keys; take NumPy's scalars and short arrays for numbers and lists."""
@@ -114,7 +106,7 @@ def optional(meaning: str) -> Any:
     return Field(default=None, description=meaning)
 
 
-def built_by(table: Any, made: type, forms: str) -> PlainValidator:
+def built_by(table: Any, made: type, forms: str) -> pydantic.PlainValidator:
     """Return the validator of a value that is made, or is the `table` that builds it."""
 
     def build(value: Any) -> Any:
@@ -124,7 +116,7 @@ def built_by(table: Any, made: type, forms: str) -> PlainValidator:
             raise ValueError(f"must be {forms}, got {value!r}")
         return table.model_validate(value).build()
 
-    return PlainValidator(build)
+    return pydantic.PlainValidator(build)
 
 
 def one_given(described: Described, names: tuple[str, ...], rule: str) -> str:

@@ -93,10 +93,7 @@ def grid_of_solid(scene: Scene, resolution: int) -> tuple[Grid, Floats]:
 def solid_of(scene: Scene, resolution: int) -> SolidBody:
     """Return the body that a scene describes, and cells so many times smaller."""
     shapes = tuple(
-        (
-            region.shape_in(scene.lattice, f"body.regions.{k}"),
-            region.material not in NOT_BODY,
-        )
+        (region.shape_in(scene.lattice, f"body.regions.{k}"), region.material not in NOT_BODY)
         for k, region in enumerate(scene.body.regions)
     )
     shape = tuple(resolution * count for count in scene.lattice.shape)

@@ -29,15 +29,7 @@ import numpy as np
 
 from kaju import __version__, errors
 from kaju.arrays import Ints
-from kaju.errors import (
-    ParameterError,
-    ResultFileError,
-    WorkerError,
-    brief,
-    by_name,
-    needing,
-    require,
-)
+from kaju.errors import ParameterError, ResultFileError, WorkerError, by_name, needing, require
 from kaju.files import atomic_file, is_there
 from kaju.model.network import SpringNetwork
 from kaju.model.network import solve as solve_network
@@ -142,7 +134,7 @@ def sweep(
     if isinstance(subject, (str, Path)):
         subject = load_scene(subject)
     for name, given in {"subject": subject, "run": run}.items():
-        told = f"{name}: must be a function or the class of a model, got {brief(given)}"
+        told = f"{name}: must be a function or the class of a model, got {errors.brief(given)}"
         require(callable(given) or isinstance(given, Scene), told)
     points = points_of(vary, method, samples, _whole("seed", seed, 0))
     runs = SweepRun(subject, run, _checked(measure), seed)
@@ -371,7 +363,9 @@ class SweepRun:
 
     def row(self, number: int, point: Mapping[str, Any]) -> Row:
         """Return the row of one point; one that fails has its error in it."""
-        row = {"run": number, **{key: _cell(value) for key, value in point.items()}}
+        # Lists and tables are text in a cell of a table.
+        cells = {k: v if _is_figure(v) else json.dumps(v, default=str) for k, v in point.items()}
+        row = {"run": number, **cells}
         try:
             figures = self.figures(number, point)
             taken = figures.keys() & {"error", *row}
@@ -390,18 +384,17 @@ class SweepRun:
         sequence = np.random.SeedSequence(self.seed, spawn_key=(number,))
         seed = int(sequence.generate_state(1)[0])
         options = {k.removeprefix("run."): v for k, v in point.items() if k.startswith("run.")}
+        changes = {key: value for key, value in point.items() if not key.startswith("run.")}
         with without_progress():
-            result = _called(self.run, (self.subject_at(point, seed),), options, seed)
+            subject = (
+                self.subject.with_overrides(changes)
+                if isinstance(self.subject, Scene)
+                else _called(self.subject, (), changes, seed)
+            )
+            result = _called(self.run, (subject,), options, seed)
             if hasattr(result, "step") and hasattr(result, "run"):
                 result = result.run()  # a model's class, or a part of its call, makes a model
         return _measured(result, self.measure)
-
-    def subject_at(self, point: Mapping[str, Any], seed: int) -> Any:
-        """Return the subject at a point."""
-        changes = {key: value for key, value in point.items() if not key.startswith("run.")}
-        if not isinstance(self.subject, Scene):
-            return _called(self.subject, (), changes, seed)
-        return self.subject.with_overrides(changes)
 
 
 def _called(
@@ -486,11 +479,6 @@ def _figure(name: str, value: Any) -> Any:
             f"measure: {name!r} must be one number, text or truth value, got {type(value).__name__}"
         )
     return value
-
-
-def _cell(value: Any) -> Any:
-    """Return a varied value as a cell of a table holds it: lists and tables as text."""
-    return value if _is_figure(value) else json.dumps(value, default=str)
 
 
 # Which points are run.

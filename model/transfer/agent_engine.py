@@ -19,16 +19,8 @@ from typing import Any, TypeVar
 import networkx
 import numpy as np
 
-from kaju._mesa import (
-    AgentSet,
-    Cell,
-    DiscreteSpace,
-    FixedAgent,
-    HexGrid,
-    Model,
-    Network,
-    OrthogonalVonNeumannGrid,
-)
+from kaju import _mesa
+from kaju._mesa import AgentSet, Cell, DiscreteSpace, FixedAgent, Model
 from kaju.agents.boundary_agent import BOUNDARIES, BoundaryAgent
 from kaju.agents.material_agent import Amounts, LoadBox, MaterialAgent, PlacedAgent
 from kaju.agents.own_agents import OwnAgents
@@ -563,15 +555,15 @@ class BodySpace(DiscreteSpace):
         return list(self._cells.values())
 
 
-class SquareSpace(BodySpace, OrthogonalVonNeumannGrid):
+class SquareSpace(BodySpace, _mesa.OrthogonalVonNeumannGrid):
     """Squares and cubes."""
 
 
-class HexagonSpace(BodySpace, HexGrid):
+class HexagonSpace(BodySpace, _mesa.HexGrid):
     """Hexagons."""
 
 
-class GraphSpace(BodySpace, Network):
+class GraphSpace(BodySpace, _mesa.Network):
     """Cells of any other lattice."""
 
     @property

@@ -174,11 +174,13 @@ class TransferResult(BodyResult):
     def _caveats(self) -> list[tuple[str, str]]:
         """What is approximate, in a few words and in full."""
         found = [("forces do not balance", NO_EQUILIBRIUM)]
-        for stage in self.stages:
-            if not stage.ledger.imbalance <= BOOKS:
-                after = f"{stage.generations} generations"
-                said = not_balanced(after, stage.ledger.imbalance)
-                found.append(("loads are not accounted for", said))
+        off = [stage for stage in self.stages if not stage.ledger.imbalance <= BOOKS]
+        if off:
+            worst = max(off, key=lambda stage: stage.ledger.imbalance)
+            said = not_balanced(f"{worst.generations} generations", worst.ledger.imbalance)
+            if len(self.stages) > 1:
+                said = f"in {len(off)} of {len(self.stages)} steps, of which the worst {said}"
+            found.append(("loads are not accounted for", said))
         found += [("materials do not creep here", note) for note in idle_rheology(self.scene)]
         rule = self.scene.rule
         if isinstance(rule, PrescribedRule) and not rule.sense:

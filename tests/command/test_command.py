@@ -66,6 +66,7 @@ def test_results_are_not_overwritten_unless_forced(kaju):
         (["solve", PLATE, "--tolerance", "0"], "tolerance"),
         (["check", PLATE, *ROLLER], "plate.toml: line 15: sides: the supports do not hold"),
         ([*LUG, '{"box": [[0, 0], [1, 1]]}'], "goal: {'box': [[0, 0], [1, 1]]} cannot be"),
+        ([*LUG, "0.1,0.1"], 'for others take outline = "cells"'),
         (["animate", PLATE], "is a scene; run it first"),
         (["animate", "nothing.npz"], "cannot be read: No such file"),
     ],
@@ -104,6 +105,13 @@ def test_new_writes_a_scene_that_runs(kaju):
     assert "exists already" in err
     far = ["check", str(EXAMPLES / "lug.toml"), "--set", "loads[0].force=[1e12, 0.0]"]
     assert "a note asks a question" in kaju(*far)[1].splitlines()[-1]
+
+
+def test_figures_are_printed_once_and_without_rounding(kaju):
+    _, out, _ = kaju("solve", PLATE, "--tolerance", "0.1", "--no-pictures")
+    assert " reaction bottom              0 N, 2 N " in out
+    assert "error bound" in out
+    assert "error estimate" not in out
 
 
 def test_demo_runs_the_worked_plate_and_says_where_the_pictures_are(kaju):

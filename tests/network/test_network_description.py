@@ -11,14 +11,8 @@ from plates import loaded
 
 from kaju import SpringNetwork
 from kaju.errors import ParameterError, SceneError, SupportError
-from kaju.model.network import (
-    cut,
-    hexagon_body,
-    jittered,
-    solve,
-    spring_lengths_and_directions,
-    triangular,
-)
+from kaju.model import network
+from kaju.model.network import cut, hexagon_body, solve, spring_lengths_and_directions, triangular
 
 SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
 RING = [[0, 1], [1, 2], [2, 3], [3, 0], [0, 2]]
@@ -68,7 +62,7 @@ def written(kind, graph, tmp_path):
 
 
 def test_inner_nodes_are_moved_by_chance_and_springs_are_bars_of_one_cross_section():
-    moved = jittered(4, 4, jitter=0.2, spacing=2.0, stiffness=3.0)
+    moved = network.jittered(4, 4, jitter=0.2, spacing=2.0, stiffness=3.0)
     shift = np.abs(moved.positions - triangular(4, 4, spacing=2.0).positions)
     assert np.array(moved.names)[shift.any(axis=1)].tolist() == [[1, 1], [2, 1], [2, 2]]
     assert 0.2 < shift.max() <= 0.4

@@ -5,13 +5,8 @@ import pytest
 from page_scenes import Leaky, header_of
 from plates import plate as pressed
 
-from kaju import (
-    FreeBoundaryAgent,
-    LoadModel,
-    MaterialAgent,
-    RigidBoundaryAgent,
-    RollerBoundaryAgent,
-)
+import kaju
+from kaju import FreeBoundaryAgent, LoadModel, MaterialAgent, RigidBoundaryAgent
 from kaju.view.page.export import packed_page
 
 
@@ -47,7 +42,7 @@ class Sand(RigidBoundaryAgent):
         return load
 
 
-class Ice(RollerBoundaryAgent):
+class Ice(kaju.RollerBoundaryAgent):
     def give_back(self, load, arm):
         return None
 

@@ -227,6 +227,14 @@ def test_what_is_no_outline_is_named(tmp_path, inner, words):
     assert words in str(error.value)
 
 
+def test_a_drawing_without_a_unit_is_told_to_be_in_pixels(tmp_path):
+    rect = '<rect x="10" y="5" width="20" height="10"/>'
+    told = [drawn(tmp_path, rect, page).notes for page in (PAGE, 'viewBox="0 0 80 40"')]
+    assert ["pixels of 1/96 inch" in "".join(notes) for notes in told] == [False, True]
+    with pytest.raises(SceneError, match=r"lies outside.* 1/96 inch; give its <svg> a width"):
+        drawn(tmp_path, '<rect x="900" width="9" height="9"/>', 'viewBox="0 0 900 40"')
+
+
 # Texts.
 
 TOML = pressed([4, 4], [2, 3], [0.0, -2.0]).to_toml()

@@ -7,15 +7,8 @@ from hypothesis import strategies as st
 from PIL import Image
 from plates import loaded
 
-from kaju import (
-    Coefficients,
-    ElasticRule,
-    Material,
-    PrescribedRule,
-    Scene,
-    ThreeElement,
-    load_scene,
-)
+import kaju
+from kaju import Coefficients, ElasticRule, Material, PrescribedRule, Scene, load_scene
 from kaju.errors import SceneError
 
 share = st.floats(0.0, 0.6)
@@ -41,7 +34,9 @@ sides = st.dictionaries(
     st.sampled_from(["left", "right", "top"]),
     st.sampled_from(["rigid", "free", "roller", {"stiffness": 1e7}, {"displacement": [1e-5, 0.0]}]),
 )
-elements = st.builds(ThreeElement, K_f=st.floats(1.0, 1e9), D_f=st.just(0.0) | st.floats(1e-9, 1e9))
+elements = st.builds(
+    kaju.ThreeElement, K_f=st.floats(1.0, 1e9), D_f=st.just(0.0) | st.floats(1e-9, 1e9)
+)
 materials = st.builds(
     Material,
     name=st.just("a b"),

@@ -13,21 +13,13 @@ from mesa import DataCollector
 from plates import plate as pressed
 from transfer_answers import ENGINES
 
-from kaju import (
-    ElasticModel,
-    ElasticRule,
-    FreeBoundaryAgent,
-    LoadModel,
-    MaterialAgent,
-    Parameter,
-    PrescribedRule,
-    SpawningModel,
-)
+import kaju
+from kaju import ElasticModel, ElasticRule, FreeBoundaryAgent, LoadModel, MaterialAgent, Parameter
 from kaju.errors import ParameterError
 
 
 def plate(steps=1, rule=None, cells=20, sense=False):
-    rule = rule or PrescribedRule(threshold=1e-3, sense=sense)
+    rule = rule or kaju.PrescribedRule(threshold=1e-3, sense=sense)
     place = [cells // 2, cells - 1]
     return pressed([cells, cells], place, steps=steps, cell_size=0.2 / cells, rule=rule)
 
@@ -80,7 +72,7 @@ def sisters():
     elastic = plate(rule=ElasticRule(order="wave", threshold=0.05))
     return [
         lambda: ElasticModel(elastic, seed=1),
-        lambda: SpawningModel(plate(cells=8), tolerance=0.02, seed=1),
+        lambda: kaju.SpawningModel(plate(cells=8), tolerance=0.02, seed=1),
     ]
 
 

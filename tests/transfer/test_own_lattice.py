@@ -6,18 +6,8 @@ from plates import loaded, plate
 from strategies import Triangles
 from transfer_answers import ENGINES
 
-from kaju import (
-    ElasticModel,
-    ElasticRule,
-    KajuError,
-    Lattice,
-    LoadModel,
-    Material,
-    PrescribedRule,
-    Scene,
-    load_result,
-    solve,
-)
+import kaju
+from kaju import ElasticModel, ElasticRule, KajuError, Lattice, LoadModel, Material, PrescribedRule
 from kaju.errors import SceneError
 from kaju.model.network import hexagon_body
 
@@ -97,14 +87,14 @@ def test_squares_by_outline_do_what_squares_by_formula_do(sense):
 
 def test_a_lattice_is_stored_by_its_kind_and_read_where_its_class_exists(tmp_path):
     result = LoadModel(sheet()).run()
-    again = load_result(result.save(tmp_path / "run"))
+    again = kaju.load_result(result.save(tmp_path / "run"))
     assert again.scene == result.scene
     assert isinstance(again.scene.lattice, Triangles)
     np.testing.assert_array_equal(again.displacement, result.displacement)
     text = result.scene.to_toml()
     assert 'lattice = "triangle"' in text
     with pytest.raises(SceneError, match=r"no lattice 'triangel' .did you mean 'triangle'.*import"):
-        Scene.from_toml(text.replace("triangle", "triangel"))
+        kaju.Scene.from_toml(text.replace("triangle", "triangel"))
 
 
 def test_what_triangles_cannot_do_is_said():
@@ -112,7 +102,7 @@ def test_what_triangles_cannot_do_is_said():
     elastic = scene.replace(rule=ElasticRule())
     plane = {"region": {"box": [[0, 0.02], [0.03, 0.02]]}, "pressure": 1.0}
     for ask, words in (
-        (lambda: solve(scene), "'triangle' has no staggered grid; take square cells"),
+        (lambda: kaju.solve(scene), "'triangle' has no staggered grid; take square cells"),
         (lambda: ElasticModel(elastic), "'triangle' has no staggered grid; take square cells"),
         (lambda: hexagon_body(scene), "cells of hexagons, got 'triangle'"),
         (lambda: scene.refine(2), "body.lattice: .* got triangles"),

@@ -3,15 +3,8 @@
 import pytest
 from plates import plate
 
-from kaju import (
-    KajuError,
-    LoadModel,
-    MaterialAgent,
-    Parameter,
-    RigidBoundaryAgent,
-    State,
-    load_result,
-)
+import kaju
+from kaju import KajuError, LoadModel, MaterialAgent, Parameter, RigidBoundaryAgent, State
 from kaju.errors import ParameterError
 
 
@@ -38,7 +31,7 @@ def test_a_declared_number_acts_and_is_told_in_summary_file_and_columns(tmp_path
     three, six = hardening().run(), model.run()
     assert three.displacement == pytest.approx(2.0 * six.displacement, rel=1e-12)
     assert six.summary()["parameters"] == {"loads": 6, "softly": False}
-    assert load_result(six.save(tmp_path / "six.npz")).parameters == six.parameters
+    assert kaju.load_result(six.save(tmp_path / "six.npz")).parameters == six.parameters
     frame = model.datacollector.get_model_vars_dataframe()
     assert set(frame["loads"]) == {6}
     assert len(frame) == model.steps

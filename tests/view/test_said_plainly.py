@@ -36,6 +36,12 @@ def test_a_weight_is_shown_inside_the_body():
     np.testing.assert_allclose(sideways + sideways[::-1], 0.07, atol=0.003)
 
 
+def test_loads_that_oppose_are_added_by_amount():
+    pulls = {"left": -6.0, "right": 6.0}
+    pulled = frame(loads=[{"side": side, "force": [f, 0.0]} for side, f in pulls.items()])
+    assert "applied: 12 N on 48 faces, added by amount" in notes(axes_of(pulled))
+
+
 def test_ground_is_hatched_only_where_the_body_stands():
     reached = np.concatenate(drawn(axes_of(frame()), "support rigid"))[:, 0]
     assert not np.any((reached > 0.0151) & (reached < 0.0549))

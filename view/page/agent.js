@@ -45,8 +45,8 @@ const closest = (word, code) => [...NAMES, ...new Set(bare(code).match(/[A-Za-z_
 function guarded(t, text) {
   const [, hook, cls, cell, g, said] = text.match(/^(\w+): (\w+) at cell (\(.*?\)) in generation (\d+) (.*)$/s) ?? [];
   for (const [pattern, words] of t("guards").split("\n").map((row) => row.split("\t"))) {
-    const found = said && words && said.match(new RegExp(pattern, "s"));
-    if (found) return t("guard", { hook, cls, cell, g, what: words.replace(/\$(\d)/g, (_, n) => found[n] ?? "") });
+    const found = words && (said ?? text).match(new RegExp(pattern, "s")), what = found && words.replace(/\$(\d)/g, (_, n) => found[n] ?? "");
+    if (found) return said ? t("guard", { hook, cls, cell, g, what }) : what;
   }
   return text;
 }

@@ -13,18 +13,9 @@ from kaju.arrays import Flags, Floats, Ints, moved
 from kaju.model.scene.cell_types import FOUNDATION, INSIDE, RIGID, ROLLER
 from kaju.model.scene.lattice import Lattice
 
+from . import staggered
 from .problem import ABSENT, ACTIVE, FIXED, ElasticProblem, FaceFields
-from .staggered import (
-    Strains,
-    axis_pairs,
-    cell_modulus,
-    cut,
-    ends,
-    internal_force,
-    padded,
-    strains,
-    stresses,
-)
+from .staggered import Strains, cell_modulus, cut, ends, internal_force, padded, stresses
 
 
 def node_displacement(problem: ElasticProblem, u: FaceFields) -> Floats:
@@ -110,7 +101,7 @@ def cell_means(problem: ElasticProblem, u: FaceFields) -> Floats:
 
 def stress_parts(problem: ElasticProblem, u: FaceFields) -> Strains:
     """Return stresses (scaled) of cells per axis and of edges per pair, without the ghost layer."""
-    stress = stresses(problem, strains(u))
+    stress = stresses(problem, staggered.strains(u))
     edges = {}
     for pair, tau in stress.edges.items():
         edges[pair] = np.asarray(tau + problem.surface_shear.get(pair, 0.0))[problem.inner]
@@ -124,7 +115,7 @@ def cell_tensor(problem: ElasticProblem, parts: Strains, kept: Any = ...) -> Flo
     tensor = np.empty((*kinds.shape, d, d))
     for axis in range(d):
         tensor[..., axis, axis] = parts.cells[axis][kept]
-    for a, b in axis_pairs(d):
+    for a, b in staggered.axis_pairs(d):
         tau = reduce(_mean_along, (a, b), parts.edges[a, b])[kept]
         tensor[..., a, b] = tensor[..., b, a] = tau
     tensor[kinds < 0] = np.nan

@@ -19,17 +19,9 @@ from kaju.factors import rigid_motions
 from kaju.model.elastic.free_motion import free_motion, unheld
 from kaju.model.scene.cell_types import RIGID
 
+from . import staggered
 from .problem import ABSENT, ACTIVE, FIXED, ElasticProblem, coarse_box, is_box
-from .staggered import (
-    Numbering,
-    around_edges,
-    axis_pairs,
-    cut,
-    edge_modulus,
-    ends,
-    padded,
-    strain_matrix,
-)
+from .staggered import Numbering, around_edges, axis_pairs, cut, edge_modulus, ends, padded
 
 
 def check_supports(
@@ -65,7 +57,7 @@ def _stops(problem: ElasticProblem, parts: NDArray[np.int32]) -> tuple[Ints, Flo
     d = problem.dimension
     held = Numbering(tuple(np.where(s == FIXED, ACTIVE, ABSENT) for s in problem.face_states))
     moved = [_motions(np.argwhere(number >= 0), axis) for axis, number in enumerate(held.number)]
-    matrix = strain_matrix(problem, held)
+    matrix = staggered.strain_matrix(problem, held)
     some = np.flatnonzero(np.diff(matrix.indptr))
     owners = [parts[problem.kinds >= 0]] * d
     for pair in axis_pairs(d):

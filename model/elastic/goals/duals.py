@@ -19,17 +19,8 @@ from kaju.arrays import Flags, Floats, Ints
 from kaju.errors import KajuError, ParameterError, suggestion
 from kaju.model.elastic.corners import ON_EDGE
 from kaju.model.elastic.equal.cell_agents import CellAgents
-from kaju.model.elastic.goals.quantities import (
-    Deflection,
-    Goal,
-    Place,
-    Quantity,
-    Reaction,
-    Stress,
-    component_of,
-    directions_of,
-    support_of,
-)
+from kaju.model.elastic.goals import quantities
+from kaju.model.elastic.goals.quantities import Deflection, Goal, Place, Quantity, Reaction, Stress
 from kaju.model.elastic.moduli import Moduli, equivalent_stress
 from kaju.model.elastic.pair.border import Sides, torn
 from kaju.model.elastic.pair.elements import gauss
@@ -222,7 +213,7 @@ class DualGoal(ABC):
             self.body, self.no_bound = body, body.no_bound
         self.directions = np.ones((1, 1))
         if not isinstance(quantity, Stress):
-            self.directions = directions_of(quantity.along, self.scene.lattice.dimension)
+            self.directions = quantities.directions_of(quantity.along, self.scene.lattice.dimension)
         if not isinstance(quantity, Reaction):
             self.where = where_of(quantity.at, self.scene)
             if isinstance(body, PosedBody):
@@ -282,7 +273,7 @@ class Stressed(DualGoal):
         super().__init__(quantity, body)
         d = self.scene.lattice.dimension
         self._pairs = [(k, k) for k in range(d)] + list(combinations(range(d), 2))
-        self._component = component_of(quantity.component, d)
+        self._component = quantities.component_of(quantity.component, d)
         if self._component is None and not self.no_bound:
             self.no_bound = "the equivalent stress is no linear quantity, and only such are proved"
 
@@ -327,7 +318,7 @@ class Supported(DualGoal):
     def __init__(self, quantity: Reaction, body: PosedBody | Scene) -> None:
         super().__init__(quantity, body)
         self._name = quantity.side
-        self.support = support_of(quantity.side, self.scene.lattice.sides)
+        self.support = quantities.support_of(quantity.side, self.scene.lattice.sides)
 
     def loaded(self, mesh: Mesh, sides: Sides, found: Found | None) -> list[Sides]:
         """Return the body with the support moved along each direction, and nothing else."""

@@ -13,18 +13,9 @@ import scipy.sparse as sp
 from kaju.arrays import Flags, Floats, Ints
 from kaju.factors import factors_of
 
+from . import elements
 from .border import Sides
-from .elements import (
-    CORNERS,
-    EDGE_OF_SIDE,
-    EDGES,
-    airy_of_tractions,
-    child_maps,
-    edge_tractions,
-    gauss,
-    on_sides,
-    without_plane,
-)
+from .elements import CORNERS, EDGES, edge_tractions, gauss, on_sides, without_plane
 from .leaves import Entries, PlaneMesh, followed
 from .levels import Blocks, summed
 from .sheets import Rim, Sheets
@@ -79,7 +70,7 @@ class Airy(Sheets):
         agent, number = np.divmod(at, 4)
         # They are as in the two parts of the agent of the whole edge that lie along this: the
         # middle is a corner of the first. Slopes of parts count in half its edge.
-        (first, last), maps = EDGES.T, child_maps(True)
+        (first, last), maps = EDGES.T, elements.child_maps(True)
         part = 1 + CORNERS.astype(np.int64) @ [1, 2]
         rows = [maps[part[first], 3 * last + k] for k in range(3)]
         rows += [maps[part[end], 12 + np.arange(4)] for end in (first, last)]
@@ -117,7 +108,7 @@ def first_stress(mesh: PlaneMesh, sides: Sides, load: Floats, body: Floats, size
     hands[:, 0, 0, 0] = hands[:, 1, 0, 1] = hands[side, 2, 1, axis] = sign
     # A row of `matrix` is a force on an agent, or its couple over its edge.
     n, number = len(mesh.leaves), np.arange(3 * len(mesh.ends)).reshape(-1, 3)
-    own = mesh.edge[:, EDGE_OF_SIDE]
+    own = mesh.edge[:, elements.EDGE_OF_SIDE]
     row, column = np.arange(3 * n).reshape(n, 3, 1, 1), number[own][:, None]
     share = np.einsum("rsij,seij->rse", works, hands)
     at, values = np.broadcast_arrays(row, column, share)[:2], np.broadcast_to(share, (n, 3, 4, 3))
@@ -151,5 +142,5 @@ def first_stress(mesh: PlaneMesh, sides: Sides, load: Floats, body: Floats, size
 
 def of_tractions(traction: Floats, size: Floats) -> Floats:
     """Return phi of agents by forces and first moments on their sides that balance."""
-    phi = np.einsum("ijkl,njkl->ni", airy_of_tractions(), traction)
+    phi = np.einsum("ijkl,njkl->ni", elements.airy_of_tractions(), traction)
     return without_plane(size[:, None] * phi)

@@ -62,7 +62,8 @@ def peak_asked(scene: Scene, goal: AskedFor | None) -> Stress | Deflection | Non
     raise ParameterError(
         f"goal: {wrong}; within true outlines it is the largest hoop stress along an outline "
         f"({', '.join(named) or 'none has a name'}) or the deflection of a free side "
-        f"({', '.join(free) or 'none'}); answer.value_of gives others, unproved"
+        f'({", ".join(free) or "none"}); for others take outline = "cells", or in Python '
+        "answer.value_of, unproved"
     )
 
 

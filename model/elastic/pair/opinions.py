@@ -9,21 +9,11 @@ import numpy as np
 
 from kaju.arrays import Floats, Ints
 
+from . import elements
 from .airy import bed_rows, first_stress, of_tractions
 from .border import support_names
 from .displacement import Fitting
-from .elements import (
-    airy_stress,
-    edge_tractions,
-    gauss,
-    on_sides,
-    quadratic_values,
-    rule,
-    strain_rows,
-    strains,
-    stresses,
-    without_plane,
-)
+from .elements import airy_stress, edge_tractions, on_sides, strains, stresses, without_plane
 from .gap import Bounds, at_points, bounds_of, roots_of, stress_of, tensors
 from .leaves import PlaneMesh
 from .levels import FieldLevel, by_laws
@@ -105,13 +95,13 @@ class Opinions(Fitting):
         size = self.size[agent, None]
         stress = np.einsum("nki,ni->nk", airy_stress(inside), self.phi[agent]) / size**2
         stress[:, :2] -= self.sides.body[agent] / size * (inside - 0.5)
-        strain = np.einsum("nki,ni->nk", strain_rows(inside), self.fit[agent]) / size
+        strain = np.einsum("nki,ni->nk", elements.strain_rows(inside), self.fit[agent]) / size
         return tensors(stress), tensors(stress_of(strain, self.law[:, agent]))
 
     @cached_property
     def means(self) -> tuple[Floats, Floats]:
         """Mean tensors over agents: of the stress that balances, of the strain that fits."""
-        weights, size = rule(2)[1], self.size[:, None]
+        weights, size = elements.rule(2)[1], self.size[:, None]
         balanced = self.phi @ np.einsum("p,pki->ik", weights, stresses()[..., :16]) / size**2
         strain = self.fit @ np.einsum("p,pki->ik", weights, strains(2)) / size
         return tensors(balanced), tensors(stress_of(strain, self.law))
@@ -135,10 +125,10 @@ class Opinions(Fitting):
         """Return what beds bear by both opinions at four points, scaled; shape (2, beds, 4)."""
         mesh, beds, stiffness = self.mesh, self.sides.beds, self.sides.bed[self.sides.beds, None]
         owner, side = mesh.owner[beds], mesh.side[beds]
-        points, weight = gauss(4, 1)
+        points, weight = elements.gauss(4, 1)
         length, line = self.size[owner, None], points.ravel() - 0.5
         u = self.fit.reshape(-1, 8, 2)[owner[:, None], on_sides(2)[side], side[:, None] // 2]
-        fitted = -stiffness * (u @ quadratic_values(points).T)
+        fitted = -stiffness * (u @ elements.quadratic_values(points).T)
         own = self.on_border() - self.sides.load[mesh.owner, mesh.side]
         force, moment = np.moveaxis(own[beds, :, side // 2], 1, 0)[..., None]
         balanced = (force + 12.0 * moment * line) / length

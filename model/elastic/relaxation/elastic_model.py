@@ -13,22 +13,10 @@ from kaju.model.elastic.elastic_result import ElasticResult
 from kaju.model.elastic.equal.cell_agents import CellAgents
 from kaju.model.elastic.equal.staggered import strain_energy
 from kaju.model.elastic.equal.system import Solution
-from kaju.model.elastic.relaxation.elastic_run import (
-    ElasticRun,
-    FaceAgents,
-    PushLedger,
-    Recorder,
-    StepRecord,
-    books,
-)
+from kaju.model.elastic.relaxation import elastic_run, push_state
+from kaju.model.elastic.relaxation.elastic_run import ElasticRun, PushLedger, Recorder, StepRecord
 from kaju.model.elastic.relaxation.face_agent_engine import AgentPushEngine
-from kaju.model.elastic.relaxation.push_state import (
-    PushEngine,
-    PushState,
-    Visit,
-    multilevel,
-    repeated,
-)
+from kaju.model.elastic.relaxation.push_state import PushEngine, PushState, Visit, multilevel
 from kaju.model.elastic.relaxation.push_table import PushTable, WaveCertificate, certify_waves
 from kaju.model.scene import Scene
 from kaju.model.stepped_model import SteppedModel
@@ -180,7 +168,7 @@ class ElasticModel(SteppedModel):
             "wave": partial(self.engine.relax_all, self.share),
             "largest first": partial(self.engine.relax_largest, self.pushes_per_step),
         }.get(self.table.order)
-        self._order = multilevel(self.engine) if act is None else repeated(act)
+        self._order = multilevel(self.engine) if act is None else push_state.repeated(act)
         self._loudest, self._meter = self._loudest_at_start, _ = self.state.survey()
         self.running = not self.outcome
 
@@ -235,7 +223,7 @@ class ElasticModel(SteppedModel):
         count = self.state.pushes if unit == "pushes" else self.generation
         if self.at_rest:
             ledger = PushLedger.of(self.state)
-            if not books(ledger, self.scene, self.generation).holds:
+            if not elastic_run.books(ledger, self.scene, self.generation).holds:
                 return not_balanced(f"{count} {unit}", ledger.imbalance)
             if self.generation == 0:
                 return f"no load exceeds the threshold of {self.threshold:g} N: nothing happens"
@@ -283,7 +271,7 @@ class ElasticModel(SteppedModel):
 
     def result(self) -> ElasticRun:
         """Return what has been computed so far."""
-        state, agents = self.state, FaceAgents.of(self.state)
+        state, agents = self.state, elastic_run.FaceAgents.of(self.state)
         outcome = self.outcome or f"interrupted after {self.generation} steps"
         return ElasticRun(
             result=self._answer(outcome),

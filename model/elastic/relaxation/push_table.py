@@ -32,11 +32,7 @@ from kaju.arrays import Floats, Ints, spread
 from kaju.errors import SceneError
 from kaju.model.elastic.equal.grid import grid_of
 from kaju.model.elastic.equal.problem import ABSENT, ACTIVE, FIXED
-from kaju.model.elastic.equal.staggered import (
-    Numbering,
-    compact,
-    stiffness_matrix,
-)
+from kaju.model.elastic.equal.staggered import Numbering, compact, stiffness_matrix
 from kaju.model.elastic.moduli import moduli_at
 from kaju.model.scene import Scene, scene_needed
 

@@ -62,7 +62,7 @@ class Integrator:
     @cached_property
     def _corners(self) -> Floats:
         """Times (s) at which the history turns or jumps; points on a straight piece are none."""
-        at, jump, bend = np.array(self.history.corners()).T
+        at, jump, bend = self.history.corners()
         gaps = np.diff(at, prepend=-inf, append=inf)
         slope = np.cumsum(bend)  # after each corner
         steepest = np.maximum(np.abs(slope), np.abs(slope - bend))
@@ -73,7 +73,8 @@ class Integrator:
 
     @cached_property
     def _jumps(self) -> set[float]:
-        return {corner.time for corner in self.history.corners() if corner.jump}
+        at, jump, _ = self.history.corners()
+        return set(at[jump != 0.0].tolist())
 
     def states(self, state: Reached, asked: Floats) -> Iterator[Reached]:
         """Yield the state at each time `asked`, by a step of its own, and at an interrupt."""

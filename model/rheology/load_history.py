@@ -9,21 +9,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import isfinite
-from typing import Literal, NamedTuple
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from kaju.arrays import Floats
 from kaju.errors import require
-
-
-class Corner(NamedTuple):
-    """A moment at which a history jumps or changes its slope."""
-
-    time: float
-    jump: float
-    bend: float
 
 
 @dataclass(frozen=True)
@@ -123,17 +115,14 @@ class History:
         values = np.where(end == len(corners), factors[-1], inside)
         return np.asarray(np.where(end == 0, 0.0, values))
 
-    def corners(self) -> tuple[Corner, ...]:
-        """Return the corners as jumps and changes of slope, which superpose to the history."""
-        jumps = {self.times[0]: self.factors[0]}
-        bends: dict[float, float] = {}
-        pieces = zip(self.times, self.times[1:], self.factors, self.factors[1:], strict=False)
-        for start, end, before, after in pieces:
-            if end == start:
-                jumps[end] = jumps.get(end, 0.0) + after - before
-            else:
-                slope = (after - before) / (end - start)
-                bends[start] = bends.get(start, 0.0) + slope
-                bends[end] = bends.get(end, 0.0) - slope
-        times = sorted({*jumps, *bends})
-        return tuple(Corner(time, jumps.get(time, 0.0), bends.get(time, 0.0)) for time in times)
+    def corners(self) -> tuple[Floats, Floats, Floats]:
+        """Return the times of the corners, and how much factor and slope change there.
+
+        These jumps and bends superpose to the history.
+        """
+        times, first, count = np.unique(self.times, return_index=True, return_counts=True)
+        factors = np.array(self.factors)
+        before, after = factors[first], factors[first + count - 1]
+        slopes = (before[1:] - after[:-1]) / np.diff(times)
+        before[0] = 0.0
+        return times, after - before, np.diff(slopes, prepend=0.0, append=0.0)

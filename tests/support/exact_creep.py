@@ -8,8 +8,9 @@ from kaju import History
 
 def added(history, times, to_jump, to_ramp):
     history = history if isinstance(history, History) else History.step(history)
-    corners = [(np.maximum(np.asarray(times) - c.time, 0.0), c) for c in history.corners()]
-    return sum(c.jump * to_jump(t) + c.bend * to_ramp(t) for t, c in corners)
+    at, jumps, bends = history.corners()
+    since = np.maximum(np.asarray(times) - at[:, None], 0.0)
+    return jumps @ to_jump(since) + bends @ to_ramp(since)
 
 
 def exactly_crept(element, force, times):

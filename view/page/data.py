@@ -16,7 +16,6 @@ from kaju.arrays import Floats, Ints
 from kaju.errors import ParameterError, SceneError
 from kaju.model.results.result import Curves, Result, solved_scene
 from kaju.model.scene import Scene
-from kaju.model.scene.description import SideCondition
 from kaju.model.scene.lattice import BUILT_IN
 from kaju.model.scene.selection import BY_SIDE, BY_SURFACE, PULL, PUSH
 from kaju.model.transfer.deformation import axial_strain
@@ -73,21 +72,12 @@ def scene_data(scene: Scene) -> tuple[dict[str, Any], Columns]:
         "thickness": scene.thickness,
         "plane": scene.plane,
         "materials": [{key: getattr(m, key) for key in told} for m in scene.cell_materials],
-        "sides": {side: _side(scene.side_condition(side)) for side in lattice.sides},
+        "sides": {side: scene.side_condition(side).to_value() for side in lattice.sides},
         "rule": _rule(scene),
         "stages": scene.stages,
         "loads": _loads(scene),
     }
     return data, {"cells": scene.rasterise()}
-
-
-def _side(condition: SideCondition) -> str | dict[str, Any]:
-    """Return a side as a scene file has it."""
-    if condition.stiffness is not None:
-        return {"stiffness": condition.stiffness}
-    if condition.displacement is not None:
-        return {"displacement": list(condition.displacement)}
-    return condition.kind
 
 
 def _rule(scene: Scene) -> dict[str, Any]:

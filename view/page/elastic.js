@@ -94,7 +94,7 @@ export class StaggeredGrid {
   /** Say what lies beyond a side: a word, {stiffness} (N/m³) or {displacement} (m). */
   layRim(side, condition = "free") {
     const code = { free: _AIR, rigid: _RIGID, roller: _ROLLER }[condition]
-      ?? (condition.stiffness != null ? _BED : condition.displacement ? _RIGID : _AIR);
+      ?? (condition.stiffness != null ? _BED : !condition.displacement ? _AIR : condition.displacement.includes("free") ? _ROLLER : _RIGID);
     const last = side < 2 ? this.Y : this.X;
     for (let k = 1; k < last - 1; k++) {
       const [i, j] = side < 2 ? [side & 1 ? this.X - 1 : 0, k] : [k, side & 1 ? this.Y - 1 : 0];
@@ -115,7 +115,7 @@ export class StaggeredGrid {
     line(axis, upper ? cells - 1 : 1, (f, k) => {
       if (this.kind(...(axis ? [k, inner] : [inner, k])) !== _RIGID) this.fixed[f] = moved[axis];
     });
-    line(across, upper ? cells - 1 : 0, (f) => { this.fixed[f] = moved[across]; });
+    if (condition.displacement[across] !== "free") line(across, upper ? cells - 1 : 0, (f) => { this.fixed[f] = moved[across]; });
   }
   findStates() {
     this.states = new Int8Array(this.size);

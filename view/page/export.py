@@ -296,9 +296,8 @@ def _by_the_rule(result: TransferResult) -> bool:
     A result does not know its agents' classes, and need not: what counts is what they did.
     """
     scene = result.scene
-    if not result.certificate.known or len(result.stages) < scene.stages:
-        return False
-    if not stability(scene).stable:
+    whole = result.certificate.known and len(result.stages) == scene.stages
+    if not (whole and stability(scene).stable):
         return False
     again = LoadModel(scene, engine="arrays").run().last
     for names in _DONE:
@@ -307,12 +306,8 @@ def _by_the_rule(result: TransferResult) -> bool:
         )
         for name in names:
             ours, theirs = getattr(result.last, name)[row], getattr(again, name)[other]
-            if ours.shape != theirs.shape:
-                return False
-            known = ~np.isnan(ours)
-            if not np.allclose(
-                ours[known], theirs[known], 1e-9, 1e-12 * np.abs(theirs).max(initial=0.0)
-            ):
+            rounding = 1e-12 * np.abs(theirs).max(initial=0.0)
+            if ours.shape != theirs.shape or not np.allclose(ours, theirs, 1e-9, rounding):
                 return False
     return True
 

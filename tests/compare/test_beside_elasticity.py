@@ -81,7 +81,6 @@ def test_one_command_writes_figures_and_words(scene, tmp_path, study, typed):
         (["plate.npz"], "REFERENCE: is needed"),
         (["a.npz", "b.npz", "--resolution", "2"], "--resolution: belongs to a scene"),
         (["SCENE", "other"], "a scene is compared with elasticity"),
-        (["SCENE", "--json", "--quiet"], "--quiet"),
     ],
 )
 def test_what_does_not_belong_together_is_refused(scene, tmp_path, monkeypatch, words, told, typed):

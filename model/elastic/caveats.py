@@ -104,7 +104,7 @@ def _of_error(result: ElasticResult) -> Iterator[str]:
     if isinstance(found, PairAgents) and result.tolerance_kept == "missed":
         why, agent = found.stopped, first_largest(result.gap)
         reason = no_limit(result, agent)
-        hint = f"most of it lies at {_point(result.middle[agent])} m"
+        hint = f"most of it lies at {_point(result.place_in(agent))} m"
         hint += f": {reason}" if reason else ""
         if why in ("corners", "stalled", "depth") and found.ground.resolution is not None:
             why, hint = "resolution", "a larger resolution allows smaller ones"

@@ -50,7 +50,7 @@ class LargestStress(NamedTuple):
     """The largest equivalent (von Mises) stress of an answer, that of an agent."""
 
     value: float  # Pa
-    at: tuple[float, ...]  # The agent's middle (m)
+    at: tuple[float, ...]  # The agent's middle (m), or a point of the body near to it
     no_limit: str  # Why it grows without limit as agents shrink; empty if nothing is known
 
 
@@ -321,8 +321,14 @@ class ElasticResult(BodyResult):
     def largest_stress(self) -> LargestStress:
         """Largest equivalent stress of an agent, where it is, and whether it has a limit."""
         agent = first_largest(self.von_mises)
-        place = tuple(self.middle[agent].tolist())
+        place = tuple(self.place_in(agent).tolist())
         return LargestStress(float(self.von_mises[agent]), place, no_limit(self, agent))
+
+    def place_in(self, agent: int) -> Floats:
+        """Return the middle (m) of an agent; of one that an outline cuts, a point of the body."""
+        if isinstance(self.found, CutAgents):
+            return self.found.place_in(agent)
+        return np.asarray(self.middle[agent])
 
     @cached_property
     def sharp_corners(self) -> Floats:
@@ -366,8 +372,9 @@ class ElasticResult(BodyResult):
     def _largest_along(self, component: str = HOOP) -> dict[str, float]:
         """Return the largest stress (Pa) by amount along every named outline that has one."""
         unit, column = self.found.scales.stress, "moved" if component == HOOP else "equivalent"
-        found = {name: getattr(one.counted(), column) for name, one in self.found.along.items()}
-        return {n: float(unit * one[np.abs(one).argmax()]) for n, one in found.items() if len(one)}
+        along = {name: one.counted() for name, one in self.found.along.items()}
+        found = {n: getattr(one, column) for n, one in along.items() if one.largest is not None}
+        return {name: float(unit * one[np.abs(one).argmax()]) for name, one in found.items()}
 
     @property
     def max_displacement(self) -> float:
@@ -431,7 +438,9 @@ class ElasticResult(BodyResult):
             if (value := self._largest_along(component).get(name)) is not None:
                 return value
             why = "the body does not end, and no two materials meet, so nothing is known there"
-            if len(places):
+            if len(self.found.along[name].counted().place):
+                why = "agents are too large to tell (take a smaller tolerance, or it as the goal)"
+            elif len(places):
                 why = "stress has no limit, and no part is rounded away from where it has none"
             raise ResultError(f"value_of: along {name!r} {why}; ask for the stress at a point")
         if named:

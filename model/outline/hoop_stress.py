@@ -19,6 +19,12 @@ if TYPE_CHECKING:
     from kaju.model.elastic.pair.cut_pair import CutPair
 
 BESIDE = 2  # agents on either side over which both are compared
+LARGE = np.radians(30.0)
+"""Angle by which an outline turns in agents that are too large to tell its largest stress.
+
+Of 288 such stresses of 32 random bodies 36 were off by more than was estimated, none of the 141 in
+smaller agents.
+"""
 
 
 @dataclass(frozen=True)
@@ -30,13 +36,21 @@ class HoopStress:
     balanced: Floats  # hoop stress of the stress in balance: outside where two materials meet
     moved: Floats
     """The same of the displacement, with the tension of the stress in balance: the better one."""
+    turn: Floats  # angle by which the outline turns in each agent
     equivalent: Floats  # that of von Mises, of this and the traction of the stress in balance
     counts: Flags
-    """Which may be the largest: where stress has no limit at a place, those of rounded parts."""
+    """Which may be the largest; see `OutlinedBody.singular_on`."""
 
     def counted(self) -> HoopStress:
         """Return those that may be the largest."""
         return HoopStress(**{name: column[self.counts] for name, column in vars(self).items()})
+
+    @property
+    def largest(self) -> int | None:
+        """Where the stress is largest by amount; None if nowhere, or agents there are too large."""
+        at = int(np.abs(self.moved).argmax()) if len(self.moved) else -1
+        near = np.arange(at - 1, at + 2) % max(len(self.turn), 1)
+        return None if at < 0 or self.turn[near].max() > LARGE else at
 
     def apart(self, at: int) -> float:
         """Return by how much the stress at a place may be off.
@@ -86,17 +100,11 @@ class HoopStress:
         means = np.zeros((len(total), values.shape[1]))
         np.add.at(means, group, (long / total[group])[:, None] * values)
         first = np.unique(group, return_index=True)[1]
-        counts = _may_be_largest(pair, region)[leaf[first]]
+        turn = turn_in(pair.leaves, pair.body.true.regions[region].arcs)[leaf[first]]
+        places, peaked = pair.body.singular_on(region)
+        counts = (turn > 0.0) & peaked if places else np.ones(len(turn), dtype=np.bool_)
         balanced, moved, equivalent = means[:, 2:].T
-        return cls(leaf[first], means[:, :2], balanced, moved, equivalent, counts)
-
-
-def _may_be_largest(pair: CutPair, region: int) -> Flags:
-    """Tell of which leaves an outline's stress counts; see `OutlinedBody.singular_on`."""
-    places, peaked = pair.body.singular_on(region)
-    if not places:
-        return np.ones(len(pair.leaves), dtype=np.bool_)
-    return (turn_in(pair.leaves, pair.body.true.regions[region].arcs) > 0.0) & peaked
+        return cls(leaf[first], means[:, :2], balanced, moved, turn, equivalent, counts)
 
 
 def turn_in(leaves: LeafCells, arcs: Floats) -> Floats:

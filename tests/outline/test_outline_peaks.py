@@ -52,6 +52,7 @@ def test_the_peak_is_known_to_the_tolerance(hole, truth, tolerance) -> None:
     answer = kaju.solve(plate(hole), tolerance=tolerance, goal=HOOP)
     (goal,) = answer.goals
     assert goal.quantity == HOOP
+    assert answer.holds([answer.largest_stress.at]).all()
     assert goal.value == answer.outline_stress("hole")[1].max()
     assert abs(goal.value - truth) < goal.error_estimate
     assert goal.error_estimate == pytest.approx(goal.relative_error * goal.value)
@@ -141,6 +142,14 @@ def test_errors_of_a_small_peak_are_shares_of_a_hundredth_of_the_largest_stress(
     (goal,), least = answer.goals, 0.01 * np.abs(answer.stress).max()
     assert 0.0 < abs(goal.value) < 0.1 * least
     assert goal.error_estimate == pytest.approx(least * goal.relative_error, rel=0.05)
+
+
+def test_agents_as_large_as_a_hole_tell_no_largest_stress_there() -> None:
+    answer = kaju.solve(plate(region(**DISK), cells=4), tolerance=0.2, goal="right")
+    assert answer.summary()["largest_hoop_stress_Pa"] is None
+    assert any("along 'hole' are too large to tell" in note for note in answer.notes)
+    with pytest.raises(kaju.KajuError, match="agents are too large to tell"):
+        answer.value_of(HOOP)
 
 
 def test_a_peak_is_stored(tmp_path: Path) -> None:

@@ -146,6 +146,16 @@ class CutAgents(PairAgents):
         """Tell which points (m) lie in the body or on its outline."""
         return np.asarray(self.material_at(points) >= 0)
 
+    def place_in(self, agent: int) -> Floats:
+        """Return the middle (m) of an agent; if that is in the air, of the nearest of its parts."""
+        pair, edge = self.opinions, self.ground.edge
+        middle = edge * UNIT * self.leaves.middle[agent]
+        meshes = (pair.balancing.mesh, pair.fitting.mesh)
+        parts = [one.place[one.triangle[one.leaf == agent]].mean(axis=1) for one in meshes]
+        near = np.vstack([middle, *(edge * part for part in parts)])
+        near = near[np.argsort(np.linalg.norm(near - middle, axis=1), kind="stable")]
+        return np.asarray(near[self.holds(near).argmax()])
+
     def material_at(self, points: Floats) -> Ints:
         """Return which of the scene's materials is at points (m), -1 outside of the body."""
         points = points_in(points, 2)
@@ -196,7 +206,7 @@ class CutAgents(PairAgents):
 
     def remarks(self, asked: Stress | Deflection | None) -> list[str]:
         """Return notes on parts that hang on nothing, and on peaks that are not well known."""
-        notes, rough, mega = [], [], 1e-6 * self.scales.stress
+        notes, rough, coarse, mega = [], [], [], 1e-6 * self.scales.stress
         if loose := self.opinions.loose:
             notes.append(
                 f"{loose} part{'s' * (loose > 1)} of the body without support and without load; "
@@ -211,9 +221,9 @@ class CutAgents(PairAgents):
                     f"along {name!r} stress has no limit at a corner or where it meets a side: its "
                     f"largest hoop stress is {parts}"
                 )
-            if not len(along.moved):
+            if (at := along.largest) is None:
+                coarse += [repr(name)] if len(along.moved) else []
                 continue
-            at = int(np.abs(along.moved).argmax())
             peak, off = mega * float(along.moved[at]), mega * along.apart(at)
             reached = mega * float(along.equivalent.max())
             if name in loaded and reached > 1.01 * abs(peak):
@@ -226,6 +236,11 @@ class CutAgents(PairAgents):
             # A peak that is off both fields there by more is noted.
             if off > 0.04 * abs(peak):
                 rough.append(f"{peak:.4g} MPa at {name!r} may be off by about {off:.2g} MPa")
+        if coarse:
+            notes.append(
+                f"agents along {', '.join(coarse)} are too large to tell the largest stress there; "
+                "solve with a smaller tolerance, or with the outline's name as goal"
+            )
         if rough:
             notes.append(
                 f"largest hoop stress, by amount: {'; '.join(rough)}. To limit its error, solve "

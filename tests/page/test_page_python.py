@@ -6,55 +6,20 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from plates import PLATE
+from plates import PLATE, plate
 
 import kaju
 import kaju.view.page.python as written
 from kaju import LoadModel, MaterialAgent, Scene
 
-CUBES = {"cells": [6, 6, 5], "cell_size": 0.01, "material": "oak"}
+HALF_RUBBER = [{"box": [[0.0, 0.0], [0.06, 0.08]], "material": "rubber"}]
+PULLED = {"rule": {"kind": "prescribed", "sense": True, "threshold": 0.01}}
 SCENES = {
-    "sides": Scene(
-        **PLATE
-        | {
-            "sides": {"bottom": "rigid", "right": "roller"},
-            "loads": [{"cell": [16, 4], "force": [1.5, -2.0]}],
-        }
-    ),
-    "two materials": Scene(
-        body={
-            "cells": [12, 8],
-            "cell_size": 0.01,
-            "thickness": 0.01,
-            "material": "steel",
-            "regions": [{"box": [[0.0, 0.0], [0.06, 0.08]], "material": "rubber"}],
-        },
-        sides={"bottom": "rigid"},
-        loads=[{"cell": [6, 7], "force": [0.0, -2.0]}],
-    ),
-    "hexagons": Scene(
-        body={
-            "lattice": "hexagon",
-            "cells": [10, 6],
-            "cell_size": 0.01,
-            "thickness": 0.01,
-            "material": "steel",
-        },
-        sides={"bottom": "rigid"},
-        loads=[{"cell": [5, 5], "force": [0.0, -2.0]}],
-    ),
-    "cubes": Scene(
-        body=CUBES,
-        sides={"bottom": "rigid"},
-        loads=[{"cell": [3, 3, 4], "force": [0.0, 0.0, -2.0]}],
-    ),
-    "pulls": Scene(
-        **PLATE
-        | {
-            "rule": {"kind": "prescribed", "sense": True, "threshold": 0.01},
-            "loads": [{"cell": [10, 19], "force": [0.0, 2.0]}],
-        }
-    ),
+    "sides": plate([20, 20], [16, 4], (1.5, -2.0), sides={"bottom": "rigid", "right": "roller"}),
+    "two materials": plate([12, 8], [6, 7], thickness=0.01, regions=HALF_RUBBER),
+    "hexagons": plate([10, 6], [5, 5], thickness=0.01, lattice="hexagon"),
+    "cubes": plate([6, 6, 5], [3, 3, 4], (0.0, 0.0, -2.0), material="oak"),
+    "pulls": plate([20, 20], [10, 19], (0.0, 2.0), thickness=0.002, **PULLED),
 }
 READY = written.header({})["python"]["ready"]
 
@@ -266,13 +231,8 @@ def test_nothing_reaches_out_of_an_agent(opened, pages):
 def test_what_comes_from_others_runs_only_when_asked(opened, tmp_path):
     """A link's code is shown; names of a scene and texts of a file are words, nothing else."""
     bad, name = "<img src=x onerror='document.title=1'>", 'a"""\nprint("has run")\n"""\\'
-    scene = Scene(
-        **PLATE
-        | {
-            "body": PLATE["body"] | {"material": name},
-            "materials": {name: {"youngs_modulus": 1e9, "poissons_ratio": 0.3}},
-        }
-    )
+    materials = {name: {"youngs_modulus": 1e9, "poissons_ratio": 0.3}}
+    scene = Scene(**PLATE | {"body": PLATE["body"] | {"material": name}, "materials": materials})
     path = kaju.export_page(scene, tmp_path / "page.html", title=bad, text=bad, python=True)
     page = opened(path)
     code = "from kaju import MaterialAgent\nclass A(MaterialAgent): pass\nprint('has run')\n"

@@ -32,7 +32,6 @@ export class Lesson {
   }
   get told() { return this.keeps && !this.kept ? "" : this.page.t(this.keeps ? "savedHere" : "notSaved"); }
   forget() { Object.assign(this, { answers: {}, guesses: {}, firsts: {}, done: [], shown: "guess" }); this.keep(); this.open(0); }
-
   get question() { return this.questions[this.at]; }
   of(step) { return this.questions.filter((q) => q.step === step); }
   /** What of a question is still to be filled in or ticked, in its own words. */

@@ -237,6 +237,7 @@ export class MotionPage extends Page {
     if (!box.isConnected) return;
     const { lesson } = this, seen = this.seen = Math.max(this.seen ?? 0, g), limit = lesson?.step !== "step" || lesson.teacher ? Infinity : at[seen];   // what a lesson lets read is played first
     const list = lesson?.curves ? lesson.curves.map((name) => curveList.find(({ title }) => title.startsWith(name))) : curveList.slice(0, 6), most = (list) => Math.max(...list.map(Math.abs)), shown = (lines, all = Object.entries(lines)) => all.filter(([, list]) => all.length < 4 || most(list) > 0.01 * Math.max(...Object.values(lines).map(most)));   // of many, those that are not nothing
+    if (g && lesson && this.canvas.clientWidth < 520) this.parts.cap.textContent = list.filter(({ place }) => !place).map(({ title, unit, at: over, lines }) => `${named(title)}: ${Object.values(lines).map((line) => quantity(line[over.findLastIndex((v) => v <= at[g])], unit)).join(", ")}`).join(" · ");   // on a phone the charts are a long way down
     paintGrid(box, list.map(({ title, unit, at: over, axis, lines, logarithmic, course, bars, place }) =>
       ({ word: named(title), unit, over, lists: shown(lines).map(([, list]) => list), names: shown(lines).map(([name]) => named(name)), now: place ? null : at[g], log: logarithmic, course, bars, axis, limit: place && limit < at.at(-1) ? -Infinity : limit })), inks);
   }

@@ -171,8 +171,8 @@ export class Page {
   tellVerdict(text, stable) {
     const { verdict } = this.parts;
     text = text.replace(" (accumulate = false)", "");    // an option's name is for those who program
-    if (text && !this.lesson && this.deformable) text += `\n${this.t("keepsNone")}`;   // that all ends is not that all is well
-    verdict.textContent = text; verdict.hidden = !text || this.limit < this.run.generation;   // it would give an answer away
+    verdict.replaceChildren(text, ...(text && !this.lesson && this.deformable ? [make("small", { textContent: this.t("keepsNone") })] : []));   // that all ends is not that all is well
+    verdict.hidden = !text || this.limit < this.run.generation;   // it would give an answer away
     verdict.classList.toggle("bad", stable === false);
     verdict.classList.toggle("open", stable === null);   // nobody knows
   }

@@ -206,7 +206,7 @@ MODES.push({
     twin.elastic.style.clipPath = swipe ? `inset(0 0 0 ${x}px)` : "";
     twin.handle.style.left = `${x - 22}px`; twin.handle.ariaValueMax = nx; twin.handle.ariaValueNow = String(Number((two.split).toFixed(3)));
     const [drawn] = page.drawnWith;
-    twin.line.textContent = t(drawn.factor ? "inBoth" : "flatBoth", { q: t(drawn.quantity), n: drawn.factor.toLocaleString("en").replaceAll(",", " ") });
+    twin.line.textContent = page.ruleAlone ? "" : t(drawn.factor ? "inBoth" : "flatBoth", { q: t(drawn.quantity), n: drawn.factor.toLocaleString("en").replaceAll(",", " ") });
     twin.numbers.replaceChildren(...numbersCard(page, both, twin.at >= 0 ? twin.at : page.picked)); twin.numbers.hidden = !twin.numbers.childElementCount;
     twin.card.hidden = !two.ruler;
     if (two.ruler && !page.playing) twin.profile.replaceChildren(...rulerCard(page, both));

@@ -8,7 +8,7 @@ import { hand } from "./scene.js";
 import { general, local, prefixOf, quantity } from "./words.js";
 
 const SAME = 1e-9, NUMBERS = 46;               // of the load: what rounding leaves; pixels for the numbers beside bars
-const told = (v, { needed, carried }) => { const [factor, prefix] = prefixOf(Math.max(Math.abs(needed) || 0, Math.abs(carried)), "N"); return Number.isNaN(v) ? "–" : `${general(v / factor, 4).replace("-", "−")} ${prefix}N`; };   // all forces of a cut in one unit
+const inOneUnit = (v, { needed, carried }) => { const [factor, prefix] = prefixOf(Math.max(Math.abs(needed) || 0, Math.abs(carried)), "N"); return Number.isNaN(v) ? "–" : `${general(v / factor, 4).replace("-", "−")} ${prefix}N`; };   // all forces of a cut in one unit
 const placed = (page) => page.look.cuts ??= { rows: [0.97, 0.82].map((part) => Math.floor(part * page.run.lattice.shape[loadAxis(page.scene).axis])), chosen: 1 };
 
 /** The cuts of both answers at this generation, from one end of the axis to the other. */
@@ -65,15 +65,15 @@ function paintBars(page, view, cuts, box, upright) {
 function freeBody({ t, ruleAlone }, cut) {
   const arrow = (x, from, to, name, text) => [draw("path", { class: `arrow ${name}`, d: `M${x} ${from}V${to}m-6 ${to > from ? -7 : 7}l6 ${to > from ? 7 : -7}l6 ${to > from ? -7 : 7}` }), draw("text", { class: name, x: x + 10, y: (from + to) / 2 + 4 }, text)];
   const { carried, needed } = cut, gap = needed - carried;
-  return draw("svg", { class: "chart", viewBox: "0 0 340 132", role: "img", "aria-label": t("partAbove") }, ...arrow(120, 4, 38, "load", t("pressIt", { n: told(needed, cut) })),
+  return draw("svg", { class: "chart", viewBox: "0 0 340 132", role: "img", "aria-label": t("partAbove") }, ...arrow(120, 4, 38, "load", t("pressIt", { n: inOneUnit(needed, cut) })),
     draw("rect", { class: "part", x: 30, y: 42, width: 180, height: 40, rx: 4 }), draw("text", { x: 120, y: 66, "text-anchor": "middle" }, t("partAbove")),
-    ...arrow(46, 126, 88, "rule", t("holdIt", { n: told(carried, cut) })),
-    ...(!ruleAlone && Math.abs(gap) > SAME * Math.abs(needed) ? arrow(204, 126, 88, "bad", t(gap > 0 ? "missingIt" : "tooMuchIt", { n: told(Math.abs(gap), cut) })) : []));
+    ...arrow(46, 126, 88, "rule", t("holdIt", { n: inOneUnit(carried, cut) })),
+    ...(!ruleAlone && Math.abs(gap) > SAME * Math.abs(needed) ? arrow(204, 126, 88, "bad", t(gap > 0 ? "missingIt" : "tooMuchIt", { n: inOneUnit(Math.abs(gap), cut) })) : []));
 }
 function cutCard(page, cuts) {
   const { t, run: { lattice: L }, scene } = page, { rows, chosen } = placed(page), { axis } = loadAxis(scene), cut = cuts.find(({ at }) => at === rows[chosen]);
   if (!cut) return [];
-  const x = `${general(100 * L.h * (axis ? L.shape[1] - cut.at - 0.5 : cut.at + 0.5), 3)} cm`, big = (word, value, name) => make("div", { className: name }, t(word), make("b", { textContent: told(value, cut) }));
+  const x = `${general(100 * L.h * (axis ? L.shape[1] - cut.at - 0.5 : cut.at + 0.5), 3)} cm`, big = (word, value, name) => make("div", { className: name }, t(word), make("b", { textContent: inOneUnit(value, cut) }));
   return [make("h2", { textContent: t("cutAtPlace", { x, side: t(axis ? "top" : "left"), n: cut.at }) }), make("div", { className: "pair" }, big("theRule", cut.carried, "rule"), ...(page.ruleAlone ? [] : [big("elastic", cut.elastic, "elastic")])),
     Number.isNaN(cut.needed) ? make("p", { textContent: t("bothHeld") }) : freeBody(page, cut)];
 }
@@ -136,7 +136,7 @@ MODES.push({
     if (cuts.length) paintBars(page, page.view, cuts, upright ? { x: w - side + 20, w: side - 48, y: 0, h } : { x: 0, w, y: h - side + 24, h: side - 44 }, upright);
     const kept = cuts.every(({ carried, needed }) => Number.isNaN(needed) || Math.abs(carried - needed) <= 1e-9 * Math.abs(needed));
     const [cut, say, where] = page.cutCards, { rows, chosen } = placed(page), read = cuts.find(({ at }) => at === rows[chosen]);
-    if (read) page.parts.cap.textContent = page.told || `${t("rowOf", { n: read.at })}: ${t("theRule")} ${told(read.carried, read)}${page.ruleAlone ? "" : `, ${t("elastic")} ${told(read.elastic, read)}`}`;
+    if (read) page.parts.cap.textContent = page.told || `${t("rowOf", { n: read.at })}: ${t("theRule")} ${inOneUnit(read.carried, read)}${page.ruleAlone ? "" : `, ${t("elastic")} ${inOneUnit(read.elastic, read)}`}`;
     say.replaceChildren(make("p", { textContent: t(kept ? "isBalanced" : "noBalance") })); say.hidden = Boolean(page.lesson) && page.lesson.step !== "try";   // it would answer what is asked before
     cut.replaceChildren(...cutCard(page, cuts));
     if (!page.playing) where.replaceChildren(...whereCard(page));

@@ -111,7 +111,7 @@ class MaterialAgent(PlacedAgent):
     >>> model = kaju.LoadModel(kaju.load_scene("plate.toml"), material_agent=Counting)
     >>> result = model.run()
     >>> max(agent.loads for agent in model.agents_by_type[Counting])
-    6.0
+    21.0
     """
 
     def __init__(self, model: Any, cell: Cell, material: Material, shares: Shares) -> None:

@@ -198,6 +198,7 @@ def test_a_body_that_grew_is_told_step_by_step():
     told = columns["value density"].reshape(10, 100)
     np.testing.assert_allclose(told, result.designs, atol=1.0 / 512.0 + 1e-7)
     assert header["curves"][0]["lines"]["compliance"] == result.compliances.tolist()
+    assert header["curves"][1]["lines"]["volume"] == pytest.approx(100.0 * result.volumes)
     assert header["outcome"] == result.outcome
     (force,) = header["forces"]
     assert force["force"] == [1.0, -2.0]

@@ -33,7 +33,8 @@ def check(scene: SceneFile, settings: Settings = None, as_json: Json = False) ->
         console.say(*(f"note: {note}" for note in notes))
         told: dict[str, Any] = {"stable": True}
         if described.outlined or described.rule.kind == "elastic":  # no loads that could grow
-            notes = described.notes_on(_begin(described))
+            farthest, further = _begin(described)
+            notes = (*described.notes_on(farthest), *further)
             console.say(*(f"note: {note}" for note in notes[len(described.notes) :]))
             words = "no mistake was found in the scene; compute it with kaju solve"
             if any("?" in note for note in notes):
@@ -62,17 +63,20 @@ def _of_loads(scene: Scene, console: Console) -> tuple[dict[str, Any], str]:
     return {"stable": found.stable, **figures, "spectral_radius_bounds": bounds}, found.verdict
 
 
-def _begin(scene: Any) -> float:
-    """Do what an answer begins with; return the largest displacement (m), 0 of waves."""
+def _begin(scene: Any) -> tuple[float, list[str]]:
+    """Do what an answer begins with; return the largest displacement (m), 0 of waves, and notes."""
     from kaju.model.study.solving import solve
 
     if not scene.outlined and scene.rule.order == "wave":  # waves may grow
         from kaju.model.elastic.relaxation.elastic_model import ElasticModel
 
         ElasticModel(scene)
-        return 0.0
+        return 0.0, []
     rough = 0.9 if scene.outlined and scene.lattice.dimension == 2 else None
-    return solve(scene, rough).max_displacement
+    answer = solve(scene, rough)
+    return answer.max_displacement, [
+        n for n in answer.caveats if n.startswith("no limit of stress")
+    ]
 
 
 def materials() -> None:

@@ -229,7 +229,24 @@ class Scene(Description):
             if filled.kind == cell_types.AIR and _breaks_through(shape, self.lattice):
                 told = reach_of(shape, self.lattice, "is it meant so?")
                 found.append(f"{where}: this hole breaks through the edge of the body: it {told}")
-        return (*found, *self._cut_off, *self.in_pixels)
+        return (*found, *self._overlaps, *self._cut_off, *self.in_pixels)
+
+    @property
+    def _overlaps(self) -> Iterator[str]:
+        """Which round holes overlap, in words."""
+        pairs = zip(self.body.regions, self._resolved.regions, strict=True)
+        holes = [
+            (given.name or f"body.regions.{number}", filled.shape)
+            for number, (given, filled) in enumerate(pairs)
+            if filled.kind == cell_types.AIR and isinstance(filled.shape, Ball)
+        ]
+        names, shapes = [*zip(*holes, strict=True)] or [(), ()]
+        centre, radius = np.array([s.centre for s in shapes]), np.array([s.radius for s in shapes])
+        one, other = np.triu_indices(len(names), 1)
+        apart = np.linalg.norm(centre[one] - centre[other], axis=-1)
+        meet = (np.abs(radius[one] - radius[other]) < apart) & (apart < radius[one] + radius[other])
+        for a, b in zip(one[meet], other[meet], strict=True):
+            yield f"the holes {names[a]!r} and {names[b]!r} overlap: is it meant so?"
 
     @property
     def in_pixels(self) -> list[str]:

@@ -245,4 +245,8 @@ def test_millimetres_and_gigapascals_are_asked_about():
     assert "much for a body of steel" in wrong.with_overrides({"materials": {}}).notes[0]
     disk = {"radius": 0.3 * wrong.lattice.extent[0], "centre": [0.2 * wrong.lattice.extent[0]] * 2}
     assert "this hole breaks through the edge" in wrong.with_region(disk=disk).notes[-1]
+    twice = wrong.with_region(disk=disk).with_region(
+        disk=disk | {"radius": 20.0, "centre": [60, 24]}
+    )
+    assert any("regions.0' and 'body.regions.1' overlap" in note for note in twice.notes)
     assert "nothing is applied" in wrong.replace(loads=()).notes[0]

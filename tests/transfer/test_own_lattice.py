@@ -102,8 +102,8 @@ def test_what_triangles_cannot_do_is_said():
     elastic = scene.replace(rule=ElasticRule())
     plane = {"region": {"box": [[0, 0.02], [0.03, 0.02]]}, "pressure": 1.0}
     for ask, words in (
-        (lambda: kaju.solve(scene), "'triangle' has no staggered grid; take square cells"),
-        (lambda: ElasticModel(elastic), "'triangle' has no staggered grid; take square cells"),
+        (lambda: kaju.solve(scene), "have a staggered grid, got triangles; take square"),
+        (lambda: ElasticModel(elastic), "have a staggered grid, got triangles; take square"),
         (lambda: hexagon_body(scene), "cells of hexagons, got 'triangle'"),
         (lambda: scene.refine(2), "body.lattice: .* got triangles"),
         (lambda: sheet(size=[0.1, 0.1]), "rows of triangles overlap; give cell_size"),

@@ -97,7 +97,7 @@ def _page_field(
 
 
 def tolerance(kind: dict[str, Any], field: int, value: float) -> float:
-    """Return how far off an answer may be: not at all if counted, else 2 % or two right digits."""
+    """Return how far off an answer may be: not at all if counted, else 1 % or two right digits."""
     if "tolerances" in kind:
         return float(kind["tolerances"][field])
     if "tolerance" in kind:
@@ -105,7 +105,7 @@ def tolerance(kind: dict[str, Any], field: int, value: float) -> float:
     if value == int(value):
         return 0.0
     rounded = abs(float(f"{value:.2g}") - value) + 1e-6
-    return 5e-4 if kind.get("exact") else max(float(f"{0.02 * abs(value):.2g}"), 0.005, rounded)
+    return 5e-4 if kind.get("exact") else max(float(f"{0.01 * abs(value):.2g}"), rounded)
 
 
 def make_lesson(of: Lesson, folder: Path) -> list[Path]:

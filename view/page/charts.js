@@ -5,16 +5,13 @@ import { general, local, prefixOf, quantity } from "./words.js";
 
 /** The curves of a run: [word, unit, lists, names of the lists]. */
 export function curvesOf(run) {
-  const largest = [], ended = [], { offset, value } = run.taken;
+  const largest = [], { offset, value } = run.taken;
   for (let g = 0; g < run.generation; g++) {
     let top = 0;
     for (let i = offset[g]; i < offset[g + 1]; i++) if (value[i] > top) top = value[i];
     largest.push(top);
   }
-  let sum = 0;
-  for (const ends of run.ends ?? []) ended.push(sum += ends);
-  sum = 0;
-  const taken = run.waits.map((load) => (sum += load));
+  const summed = (list) => { let sum = 0; return Array.from(list, (load) => (sum += load)); }, ended = summed(run.ends ?? []), taken = summed(run.waits);
   const curves = [["agents", "", [run.alive], []], ["onTheWay", "N", [run.waits], []], ["largest", "N", [largest], []]];
   return [...curves, [run.ends ? "ledger" : "takenInAll", "N", ended.length ? [taken, ended] : [taken], ["takenInAll", "endedInAll"]]];
 }

@@ -147,3 +147,5 @@ export function rendered(text) {
 export const MODES = [];
 /** The modes that a page offers now. */
 export const offered = (page) => MODES.filter((mode) => mode.offered(page));
+/** Those that a reader chooses: in a lesson only where it asks for one of them. */
+export const waysOf = (page) => offered(page).filter((mode) => !mode.alone && (!page.lesson || page.lesson.questions.some(({ show }) => ["twin", "cuts"].includes(show?.mode))));

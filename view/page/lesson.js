@@ -65,7 +65,7 @@ export class Lesson {
   /** Say what is still to be answered, beside the field that waits. */
   ask(word = "answerFirst") {
     const { page, saved, question: q } = this, fields = [...page.root.querySelectorAll("aside .question ~ textarea, aside .question ~ .fields .field")];
-    Object.assign(saved, { textContent: page.t(word, { x: this.missing(q).join(" · ") }), className: "saved bad" }).scrollIntoView({ block: "nearest" });
+    Object.assign(saved, { textContent: page.t(word === "answerFirst" && mayDraw(q) ? "drawOrSay" : word, { x: this.missing(q).join(" · ") }), className: "saved bad" }).scrollIntoView({ block: "nearest" });
     if (q.kind !== "cells") fields.find(({ value }) => !value.trim())?.focus({ preventScroll: true });
   }
   /** On from a question; who has left something open hears of it first. */
@@ -79,7 +79,7 @@ export class Lesson {
     this.at = at; this.step = this.question?.step ?? this.step;
     page.playing = false; if (this.kept) this.keep();
     const { show, until } = this.question ?? {}, preset = page.presets[show?.preset];
-    if (preset && !quiet) page.load({ ...preset, generation: Math.min(show.generation ?? 0, this.limit) });
+    if (preset && (!quiet || show.preset)) page.load({ ...preset, generation: Math.min(show.generation ?? 0, this.limit) });
     if (show?.look) Object.assign(page.look, show.look);
     if (show?.cell) page.picked = page.run.lattice.key(show.cell);
     this.shown = this.question && this.guess && Object.keys(this.guess).length && this.firsts[this.question.key] ? "both" : "guess";
@@ -148,18 +148,19 @@ export class Lesson {
     if (this.home !== "guess" || !tally?.isConnected) return;
     const found = this.compared(page.g), shown = this.shown === "both";
     for (const kind of ["hit", "miss", "false"]) tally.querySelector(`.${kind} b`).textContent = shown ? found[kind].length : "–";
-    for (const canvas of this.small ?? []) this.paintSmall(canvas);
-  }
-  paintSmall(canvas) {
-    const { page } = this, { run, inks, g } = page, at = Number(canvas.dataset.g), view = new View(canvas, run.lattice, null, { window: this.window(), tight: true });
-    canvas.parentNode.ariaPressed = String(at === g);
-    paintGuess(this, view, at, inks, this.shown === "guess" ? "guess" : at <= g ? this.shown : "guess");
+    for (const canvas of this.small ?? []) {
+      const at = Number(canvas.dataset.g), view = new View(canvas, page.run.lattice, null, { window: this.window(), tight: true });
+      canvas.parentNode.ariaPressed = String(at === page.g);
+      paintGuess(this, view, at, page.inks, at <= page.g ? this.shown : "guess");
+    }
   }
 }
 
 /** What was typed as a number in a unit, "α₂ = " or *row* before it or not; of what has none, 1/2 and 50 % are 0.5, and a word may say what is counted. */
 const numberIn = (typed, unit, text = typed.replace(/^[^=]*=|^\s*\p{L}{3,}\s+|^\s*[^\x00-\x7f]+(?=\d)/u, ""), [, a, b] = (!unit && text.replaceAll(",", ".").match(/^\s*([\d.]+)\s*(?:[/⁄:]\s*([\d.]+)|[%％])\s*$/)) || []) => (a ? a / (b ?? 100) : numberOf(unit ? text.replace(/newtons?$/i, "N").replace(/N\/mm[²2]$/, "MPa") : text.trim().replace(/(\d)\s*(\p{L}{3,}|[^\x00-\x7f]+)$/u, "$1"), unit));
 const isRight = ({ answer, tolerance = 0 }, v) => Math.abs(v - answer) <= tolerance * (1 + 1e-9) + 1e-12 * Math.abs(answer);
+/** Whether a question may be answered by a drawing on paper. */
+const mayDraw = (q) => q.draws && q.kind === "text";
 const awakeAt = ({ run: { spawn, lattice } }, g) => Float64Array.from({ length: lattice.size }, (_, k) => (spawn[k] > 0 && spawn[k] <= g ? 1 : NaN));
 
 /** The body with a guess, with what happened, or both: marks differ in form, never in colour alone. */
@@ -280,17 +281,17 @@ function questionCards(lesson, q) {
 /** A field for words; `i`: behind so many numbers. */
 function textCard(lesson, q, i) {
   const { page, page: { t } } = lesson, given = lesson.answers[q.key], own = q.kind === "cells" ? t("surprise") : page.say(q.write), label = own || t("yourAnswer");
-  const area = make("textarea", { rows: Math.min(6, q.lines ?? 3), maxLength: MOST_LETTERS, placeholder: t(q.draws ? "drawOrSay" : "yourAnswer"), value: (i === undefined ? given : given?.[i]) ?? "", ariaLabel: label });
+  const area = make("textarea", { rows: Math.min(6, q.lines ?? 3), maxLength: MOST_LETTERS, placeholder: t(mayDraw(q) ? "drawOrSay" : "yourAnswer"), value: (i === undefined ? given : given?.[i]) ?? "", ariaLabel: label });
   area.oninput = () => lesson.answer(q, area.value, i);
-  return [...(own ? [make("h3", {}, ...inline(own))] : []), area];
+  return [...(own ? [make("h3", {}, ...inline(own))] : []), area, ...(mayDraw(q) ? [button(t("drawn"), () => { lesson.answer(q, t("drawn")); page.rebuild(); }, { className: "small" })] : [])];
 }
 
 function numberCard(lesson, q, field, i) {
   const { page } = lesson, { t } = page, label = page.say(field.label) ?? "", unit = page.say(field.unit) ?? "", asked = page.say(field.read_in) || unit, verdict = make("small", { role: "status" });
   const input = make("input", { type: "text", inputMode: "decimal", className: "field", value: lesson.answers[q.key]?.[i] ?? "", ariaLabel: `${label} ${unit}`.trim() || t("yourAnswer"), autocomplete: "off" });
   const judge = () => {
-    const text = input.value.trim(), v = numberIn(text, unit), right = isRight(field, v), digits = text.replace(/^[^=]*=|\D*$/g, "").replace(/^[\s0.,−-]+|\D/g, ""), near = Math.abs(v - field.answer) < Math.abs(v) / Number(digits);   // rounded or cut well, but too far: a step of its last digit
-    verdict.textContent = !text ? "" : Number.isNaN(v) ? t(!/\d/.test(text) ? "noNumber" : asked && /\p{L}/u.test(text) ? "notIn" : "bareNumber", { u: asked }) : q.step === "predict" ? "" : right ? t("correct") : near ? t(digits.length > 1 ? "moreDigits" : "oneDigit") : t("lookAgain", { x: page.say(field.look) || label || t("thePicture") });
+    const text = input.value.trim(), v = numberIn(text, unit), right = isRight(field, v), digits = text.replace(/^[^=]*=|\D*$/g, "").replace(/^[\s0.,−-]+|\D/g, ""), near = Math.abs(v - field.answer) <= 0.5000001 * Math.abs(v) / Number(digits);   // rounded well, but too far: to half a step of its last digit
+    verdict.textContent = !text ? "" : Number.isNaN(v) ? t(!/\d/.test(text) ? "noNumber" : asked && /\p{L}/u.test(text) ? "notIn" : "bareNumber", { u: asked }) : q.step === "predict" ? "" : right ? t("correct") : near ? t("moreDigits") : t("lookAgain", { x: page.say(field.look) || label || t("thePicture") });
     verdict.className = right ? "right" : "soft";
     if (right && q.step !== "predict") verdict.prepend(icon("tick"));
   };
@@ -342,14 +343,14 @@ function paperOf(page) {
   const answers = lesson.teacher ? [make("div", { className: "teachers" }, make("h1", { textContent: `${t("answers")}: ${page.say(page.title)}` }),
     ...lesson.questions.map((q, i) => make("section", {}, make("b", { className: "number", textContent: i + 1 }), make("div", { className: "asked" }, ...solution(page, q)))),
     ...(lesson.notes ? [rendered(page.say(lesson.notes))] : []))] : [];
-  return [head, ...(page.scene?.rule?.kind === "prescribed" ? [ruleBox(page)] : lesson.questions.some((q) => q.draws && q.kind !== "number") ? [] : [bodyOf(page)]), ...questions, foot, ...answers];
+  return [head, ...(page.scene?.rule?.kind === "prescribed" ? [ruleBox(page)] : lesson.questions.some((q) => q.draws === true && mayDraw(q)) ? [] : [bodyOf(page)]), ...questions, foot, ...answers];
 }
 
 function loadWords({ scene }) {
   const sizes = (scene?.loads ?? []).map((l) => quantity(Math.hypot(...l.force), "N")), unlike = [...new Set(sizes)].slice(0, 3), times = (n) => (n > 1 ? `${n} × ` : "");
   return sizes.length ? [...unlike.map((size) => times(sizes.filter((other) => other === size).length) + size), scene.rule.threshold && `γ = ${quantity(scene.rule.threshold, "N")}`].filter(Boolean).join(", ") : "";
 }
-const solution = (page, q) => [make("p", { textContent: (q.fields ?? []).map((f) => `${page.say(f.label) ?? ""}: ${local(String(Number.isInteger(f.answer) ? f.answer : Number(f.answer.toPrecision(4))))} ${page.say(f.unit) ?? ""}${f.tolerance ? ` (± ${local(String(f.tolerance))})` : ""}`).join(" · ") }), ...(q.answer ? [rendered(page.say(q.answer))] : [])];
+const solution = (page, q) => [make("p", { textContent: (q.fields ?? []).map((f) => `${page.say(f.label) ?? ""}: ${local(String(Number.isInteger(f.answer) ? f.answer : Number(f.answer.toPrecision(4))))} ${page.say(f.unit) ?? ""}${f.tolerance ? ` (± ${general(f.tolerance, 2)})` : ""}`).join(" · ") }), ...(q.answer ? [rendered(page.say(q.answer))] : [])];
 
 /** What has been answered, in italics; lines where nothing has. */
 function answerOf(page, q) {
@@ -357,15 +358,15 @@ function answerOf(page, q) {
   const written = q.kind === "number" ? given?.[q.fields.length] : given, text = written?.trim() ? [make("p", { className: "given", textContent: written })] : null;
   if (q.kind === "number") return [make("table", {}, make("tr", {}, ...q.fields.map((f) => make("th", {}, page.say(f.label) ?? ""))),
     make("tr", {}, ...q.fields.map((f, i) => make("td", {}, make("em", { textContent: given?.[i] ?? "" }), ` ${page.say(f.unit) ?? ""}`)))), ...(q.draws ? [axes()] : []), ...(q.write ? [make("p", {}, ...inline(page.say(q.write)))] : []), ...(q.lines ? text ?? lines(q.lines) : [])];
-  if (q.draws) return [bodyOf(page), ...(text ?? lines(1))];
+  if (q.draws === true) return [bodyOf(page, q), ...(text ?? lines(1))];
   if (q.kind !== "cells" || page.run.lattice?.dimension !== 2) return text ?? lines(q.lines ?? 3);
   const guess = lesson.guesses[q.key] ?? {}, first = lesson.firsts[q.key], spawned = {};
   page.run.lattice.each((k) => { if (first && page.run.spawn[k] > 0 && page.run.spawn[k] <= q.until) spawned[k] = page.run.spawn[k]; });
   return [make("div", { className: "grids" }, grid(page, t("myGuess"), first ?? guess, { ...guess, ...spawned }), grid(page, t("whatHappened"), spawned, { ...guess, ...spawned })), ...(text ?? lines(2))];
 }
 
-/** The body as it begins. */
-const bodyOf = (page) => make("img", { className: "drawn", alt: "", src: page.unmarked });
+/** The body as it begins, or as a question shows it. */
+const bodyOf = (page, q) => make("img", { className: "drawn", alt: "", src: page.unmarked(page.presets?.[q?.show?.preset ?? 0]) });
 
 /** Two axes to draw a curve at. */
 const axes = () => draw("svg", { viewBox: "0 0 420 150", width: 420, height: 150, "aria-hidden": "true" }, draw("path", { d: "M80 148V4M76 12L80 4L84 12M8 134H412M404 130L412 134L404 138", fill: "none", stroke: "#000" }));

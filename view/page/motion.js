@@ -90,6 +90,8 @@ export class MotionPage extends Page {
     const { born, gone, at, g, solid } = this;   // cubes that are less than half full hide the others
     return !(born && born[part] > at[g]) && !(gone && gone[part] <= at[g]) && !(solid && this.value(part, "density") < 0.5);
   }
+  /** Parts that end at this frame. */
+  get breaking() { const { gone, at, g } = this; return g && gone ? Array.from(gone.keys()).filter((s) => gone[s] > at[g - 1] && gone[s] <= at[g]) : []; }
   value(part, name = this.look.colour) {
     if (name === "move") return this.far(this.moved[this.g], Math.floor(this.parts[part * this.corners] * this.dimension / this.each));
     const frames = this.fields[name];
@@ -134,7 +136,7 @@ export class MotionPage extends Page {
     }
     if (scale) paintLegend(view, scale, this.word(look.colour), t(scale.log ? "log" : "linear"), (v) => quantity(v, this.unitOf(look.colour)), inks);
     const level = this.visits[this.g], block = Array(this.dimension).fill(2 ** level).join("×");
-    this.parts.cap.textContent = this.told || [level > 0 && t("parents", { n: block }), this.times && Math.abs(this.times - 1) > 1e-9 && t("magnified", { n: quantity(this.times, "") }), this.lesson && t("measures", { s: this.sides.map((side) => quantity(Number(side.toPrecision(3)), "m")).join(" × ") }), this.lesson && this.corners === 2 && t("heldMark")].filter(Boolean).join(" · ");
+    this.parts.cap.textContent = this.told || [level > 0 && t("parents", { n: block }), this.times && Math.abs(this.times - 1) > 1e-9 && t("magnified", { n: quantity(this.times, "") }), this.lesson && t("measures", { s: this.sides.map((side) => quantity(Number(side.toPrecision(3)), "m")).join(" × ") }), this.lesson && this.corners === 2 && t("heldMark"), this.corners === 2 && this.breaking.length > 0 && t("breaksNow")].filter(Boolean).join(" · ");
   }
   middle(part) {
     const list = Array.from({ length: this.corners }, (_, i) => this.where(this.parts[part * this.corners + i]));
@@ -195,6 +197,9 @@ export class MotionPage extends Page {
     };
     stroke([...lists.values()].flat(), inks.line, width + 1.5);   // where nothing pulls, a spring is still there
     for (const [c, list] of lists) stroke(list, css(c), width);
+    ctx.strokeStyle = inks.load; ctx.lineWidth = 2; ctx.setLineDash([3, 4]); ctx.beginPath();   // what breaks now
+    for (const s of this.breaking) { const [a, b, m] = [this.where(parts[2 * s]), this.where(parts[2 * s + 1]), this.middle(s)].map((p) => view.point(p)); ctx.moveTo(...a); ctx.lineTo(...b); ctx.moveTo(m[0] + 11, m[1]); ctx.arc(...m, 11, 0, 7); }
+    ctx.stroke(); ctx.setLineDash([]);
     const fixed = new Set(held), radius = Math.max(1.5, 0.9 * width);
     for (let i = 0; i < nodes; i++) {
       const [x, y] = view.point(this.where(i));

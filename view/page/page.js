@@ -4,7 +4,7 @@ import { cornersOf, deformation } from "./deformation.js";
 import { Sums } from "./history.js";
 import { inksOf, paintCells, paintLegend, paintLoads, paintNumbers, paintPath, paintPick, View } from "./paint.js";
 import { curvesOf, paintGrid, partOf } from "./charts.js";
-import { icon, make, offered } from "./controls.js";
+import { icon, make, offered, waysOf } from "./controls.js";
 import { laySheet, Lesson } from "./lesson.js";
 import { Loads } from "./loads.js";
 import { Workshop } from "./agent.js";
@@ -285,11 +285,11 @@ export class Page {
     this.drawn = (this.drawn ?? 0) + 1;
   }
   /** The body at the start without colours, for who draws into it on paper. */
-  get unmarked() {
-    const { g, lesson, canvas } = this, { hidden } = lesson;
-    Object.assign(this, { g: 0 }); lesson.hidden = true; this.drawBody();
+  unmarked(preset) {
+    const { g, run, picked, lesson, canvas } = this, { hidden } = lesson, kinds = preset && run.lattice.kinds(preset.cells ?? this.start.cells, preset.scene.sides);   // whatever is loaded now
+    Object.assign(this, { g: 0, picked: -1, run: kinds ? Object.create(run, { kinds: { value: kinds } }) : run }); lesson.hidden = true; this.drawBody();
     const url = canvas.toDataURL();
-    this.g = g; lesson.hidden = hidden; this.drawBody();
+    Object.assign(this, { g, picked, run }); lesson.hidden = hidden; this.drawBody();
     return url;
   }
   /** The body as it stands at this generation, in the whole canvas or a box of it. */
@@ -312,9 +312,10 @@ export class Page {
     if (!box.w && !this.lesson?.secret) paintLegend(view, scale, this.word(look.colour), t(scale.log ? "log" : "linear"), (v) => quantity(v, UNITS[look.colour]), inks);
     const scaled = moved ? t("magnified", { n: quantity(factor, "") }) : run.grown && this.g >= run.generation ? t("grown") : run.atRest && !run.generation ? t("nothing") : "";
     const ruled = this.deformable && !box.w && moved ? t("keepsNone") : "";   // beside cuts a card says so
+    const scales = !box.w && this.lesson && this.lesson.step !== "predict" && this.touchable && this.presets.length > 1 && !this.mode ? t("ownScale") : "";
     const sensed = look.arrows && !box.w && run.C > L.D ? t("arrowKey") : "";
     const read = this.picked >= 0 && storyOf(this, this.picked), took = read ? `(${read.cell.join(", ")}): ${t("took")} ${quantity(read.total, "N")}` : "", asked = this.lesson?.question?.show?.rule ? `${t("agents")}: ${run.alive[this.g - 1] ?? 0}` : "";   // on a phone the panel is a long way down
-    this.parts.cap.textContent = this.told || [asked, took, scaled, ruled, sensed].filter(Boolean).join(" · ");
+    this.parts.cap.textContent = this.told || [asked, took, scaled, ruled, sensed, scales].filter(Boolean).join(" · ");
   }
   words() {
     const { run, t, parts, g } = this, done = this.over;
@@ -472,7 +473,7 @@ export class Page {
     if (event.key === " " && !(target.matches?.("button, select, summary, textarea, input[type=text], input[type=checkbox], input[type=radio]"))) { this.toggle(); event.preventDefault(); return; }
     if (typing) return;
     if (this.look.letters) {
-      const mode = offered(this).find(({ letter }) => letter === event.key.toLowerCase());
+      const mode = waysOf(this).find(({ letter }) => letter === event.key.toLowerCase());
       if (event.key === "?") { showKeys(this); return; }
       if (this.lesson && "1234".includes(event.key)) { this.lesson.enter(Number(event.key) - 1); return; }
       if (mode) { if (this.mode !== mode) this.setMode(mode.name); mode.called?.(this); return; }

@@ -1,5 +1,5 @@
 // What stands round the picture: header, bar, timeline and side, and the panels of the side.
-import { button, choice, icon, iconButton, labelled, make, offered, rendered, segments, slider, tick } from "./controls.js";
+import { button, choice, icon, iconButton, labelled, make, rendered, segments, slider, tick, waysOf } from "./controls.js";
 import { lessonSide } from "./lesson.js";
 import { loadsPanel } from "./loads.js";
 import { largestForce, savePng, saveScene, saveTable } from "./scene.js";
@@ -39,7 +39,7 @@ function saves(page) {
 
 /** Above the picture: ways of looking, and what the present one brings. */
 export function buildBar(page) {
-  const { t, mode } = page, asked = page.lesson?.questions.map((q) => q.show?.mode), modes = offered(page).filter((m) => !m.alone && (!asked || asked.some((name) => ["twin", "cuts"].includes(name)))), tools = mode?.tools?.(page) ?? [];
+  const { t, mode } = page, modes = waysOf(page), tools = mode?.tools?.(page) ?? [];
   const choose = modes.length && !mode?.alone ? [segments(t("views"), page.look.mode, [["body", t("body")], ...modes.map((m) => [m.name, t(m.name)])], (name) => page.setMode(name))] : [];
   return page.parts.bar = make("div", { className: "bar", hidden: !choose.length && !tools.length }, ...choose, ...tools);
 }

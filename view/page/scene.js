@@ -105,14 +105,9 @@ const fileName = (page, ending) => `${(page.say(page.title) || "kaju").replace(/
 export const saveScene = (page) => hand(fileName(page, "toml"), new Blob([tomlOf(page.scene, page.cells)], { type: "text/plain" }));
 export const saveTable = (page) => hand(fileName(page, "csv"), new Blob([csvOf(page)], { type: "text/csv" }));
 
-function onPaper(page) {                       // the picture on its background
-  const { canvas, inks } = page, sheet = document.createElement("canvas");
+export async function savePng(page) {         // the picture on its background
   page.draw();
-  sheet.width = canvas.width; sheet.height = canvas.height;
-  const ctx = sheet.getContext("2d");
-  ctx.fillStyle = inks.paper; ctx.fillRect(0, 0, sheet.width, sheet.height);
-  ctx.drawImage(canvas, 0, 0);
-  return sheet;
+  const { canvas, inks } = page, { width, height } = canvas, sheet = new OffscreenCanvas(width, height), ctx = sheet.getContext("2d");
+  ctx.fillStyle = inks.paper; ctx.fillRect(0, 0, width, height); ctx.drawImage(canvas, 0, 0);
+  return hand(fileName(page, "png"), await sheet.convertToBlob());
 }
-
-export const savePng = async (page) => hand(fileName(page, "png"), await new Promise((done) => onPaper(page).toBlob(done, "image/png")));

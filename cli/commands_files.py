@@ -58,6 +58,7 @@ def _of_loads(scene: Scene, console: Console) -> tuple[dict[str, Any], str]:
         f"verdict  {found.verdict}",
         f"         of each load at most {found.largest_share:.4g} is passed on in one piece",
         f"         if loads that meet were added: {growth} times as much a generation",
+        "         by the rule, as in kaju run; kaju solve takes the law of elasticity instead",
     )
     figures = {"largest_share": found.largest_share, "spectral_radius": radius}
     return {"stable": found.stable, **figures, "spectral_radius_bounds": bounds}, found.verdict

@@ -19,6 +19,7 @@ from kaju.model.elastic.pair.answer import PairAgents
 from kaju.model.results.mesh import corner_order
 from kaju.model.scene import Scene
 from kaju.model.scene.shapes import Box
+from kaju.model.scene.surfaces import ClosedSurface
 
 from .corners import ON_EDGE, RE_ENTRANT, reasons_in, singular_at
 
@@ -53,9 +54,13 @@ def is_stepped(grid: Scene) -> bool:
         if region.image is None
     ]
     if lattice.dimension == 3:
-        return not all(isinstance(shape, Box) for shape in shapes)
-    curves = (arcs[..., :2] / arcs[..., 2:] for shape in shapes for arcs in shape.outline())
-    slants = [np.ptp(points, axis=1).min(axis=1).max() for points in curves]
+        files = [shape for shape in shapes if isinstance(shape, ClosedSurface)]
+        if not all(isinstance(shape, Box) for shape in shapes if shape not in files):
+            return True
+        faces = (shape.corners for shape in files)
+    else:
+        faces = (arcs[..., :2] / arcs[..., 2:] for shape in shapes for arcs in shape.outline())
+    slants = [np.ptp(points, axis=1).min(axis=1).max() for points in faces]
     return max(slants, default=0.0) > ON_EDGE * lattice.cell_size
 
 
@@ -152,7 +157,7 @@ def _of_outlines(result: ElasticResult) -> Iterator[str]:
     h, solid = grid.lattice.cell_size, grid.lattice.dimension == 3
     if stepped:
         yield (
-            f"outlines are steps of {h:.3g} m: proofs hold for this stepped body, not for the "
+            f"outlines are steps of {h:.3g} m: the answer is that of the stepped body, not of the "
             "round or slanted one described; stress at the steps grows with smaller agents, as at "
             'other re-entrant corners; a region with outline = "true" has no steps'
         )

@@ -184,8 +184,8 @@ def _line(description: type[BaseModel], problem: ErrorDetails) -> str:
     given = repr(problem["input"])
     given = given if len(given) <= 80 else f"{given[:77]}..."
     given = "" if problem["type"] == "missing" else f", got {given}"
-    if path == ["loads"] and isinstance(problem["input"], Mapping):
-        given += "; write [[loads]], with two brackets, for each load"
+    if path[-1:] in (["loads"], ["regions"]) and isinstance(problem["input"], Mapping):
+        given += f"; write [[{key}]], with two brackets, for each"
     if problem["type"] == "literal_error":
         given += suggestion(str(problem["input"]), re.findall(r"'([^']*)'", context["expected"]))
     return f"{key}: {rule}{given}{_meaning(description, problem['loc'])}"

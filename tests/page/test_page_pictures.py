@@ -180,6 +180,7 @@ def test_agents_cut_by_an_outline_spawn_one_generation_after_another(shown):
     page = shown(result)
     assert len(result.generations) == page.js("page.at.length") > 1
     assert page.js("page.along") == "step"
+    assert "balance" not in page.text(".verdict")  # said of the prescribed rule alone
     for number, found in enumerate(result.generations):
         page.js(f"page.goTo({number})")
         there = np.flatnonzero(page.js(THERE)).tolist()

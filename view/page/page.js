@@ -171,7 +171,7 @@ export class Page {
   tellVerdict(text, stable) {
     const { verdict } = this.parts;
     text = text.replace(" (accumulate = false)", "");    // an option's name is for those who program
-    verdict.replaceChildren(text, ...(text && !this.lesson && this.deformable ? [make("small", { textContent: this.t("keepsNone") })] : []));   // that all ends is not that all is well
+    verdict.replaceChildren(text, ...(text && !this.lesson && this.deformable && !this.outcome ? [make("small", { textContent: this.t("keepsNone") })] : []));   // that all ends is not that all is well
     verdict.hidden = !text || this.limit < this.run.generation;   // it would give an answer away
     verdict.classList.toggle("bad", stable === false);
     verdict.classList.toggle("open", stable === null);   // nobody knows

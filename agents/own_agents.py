@@ -196,8 +196,8 @@ class OwnAgents:
     def emissions(self, agent: MaterialAgent, sent: Any) -> list[Any]:
         """Return the emissions that an agent answers; refuse anything else."""
         checked: list[Any] = []
-        no_emission = "returned {}, which is no Emission; rows are (arm, direction, share, sense)"
-        no_emission += "; return [] to pass nothing on"
+        no_emission = "returned {}, which is no Emission; return a list of rows (arm, direction, "
+        no_emission += "share, sense), or [] to pass nothing on"
         rows = sent if hasattr(sent, "__iter__") else [sent]
         for row in islice(rows, MOST_EMISSIONS + 1):  # what a generator raises is the agent's own
             try:

@@ -175,7 +175,10 @@ def draw_deformed(
     return picture, f"deformation shown {times(factor)}"
 
 
-COLOURS = {"von_mises": ("equivalent stress", "Pa"), "displacement": ("displacement", "m")}
+COLOURS = {
+    "von_mises": ("equivalent stress, means of agents", "Pa"),
+    "displacement": ("displacement", "m"),
+}
 """What a deformed answer may be coloured by, with its unit; the usual one first."""
 STILL = "nothing has moved: largest displacement 0 m"
 

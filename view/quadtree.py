@@ -34,7 +34,7 @@ COLOURS = {
     "gap": ("gap between the agent's two opinions", "J"),
     "fitted": ("equivalent stress of the opinion that fits", "Pa"),
     "balanced": ("equivalent stress of the opinion that balances", "Pa"),
-    "von_mises": ("equivalent stress", "Pa"),
+    "von_mises": ("equivalent stress, means of agents", "Pa"),
 }
 """What agents can be coloured by, in words, with its unit."""
 COUNTED = ("level", "spawn_step")

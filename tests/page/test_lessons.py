@@ -172,6 +172,27 @@ def test_a_guess_is_not_judged_and_what_a_question_looks_at_is_there(opened, tmp
     assert "Every load ends" in page.text(".verdict")
 
 
+def test_a_drawing_is_a_guess_and_a_number_rounded_well_is_nearly_right(opened, tmp_path):
+    page = opened(*make_pages.make_lesson(lesson("arching"), tmp_path))
+    page.press("Next: Step")
+    assert page.text(".saved").startswith("Draw it on paper and press")
+    page.press("Drawn on paper")
+    page.press("Next: Step")
+    assert page.text(".recalled").startswith("You guessed: Drawn on paper")
+    field = page.tab.locator("input.field").nth(2)
+    told = {"14.6": "correct", "15": "rounded too far: give more digits", "14.2": "look again"}
+    for typed, verdict in told.items():
+        field.fill(typed)
+        field.press("Tab")
+        assert verdict in page.text(".fields label:nth-child(3) [role=status]")
+    page.tab.locator("canvas").first.focus()
+    page.tab.keyboard.press("c")  # no question asks for cuts: no key leads there
+    assert page.js("page.look.mode") == "body"
+    page = opened(make_pages.make_lesson(lesson("how-things-break"), tmp_path)[0])
+    page.press("Drawn on paper")
+    assert page.js("(page.lesson.open(1), page.seek(1), page.breaking.length)") == 1
+
+
 def test_the_strength_at_which_nothing_breaks_is_found_by_the_slider(opened, tmp_path):
     page = opened(*make_pages.make_lesson(lesson("write-the-rule"), tmp_path), language="de-DE")
     page.js("page.lesson.open(3)")

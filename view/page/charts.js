@@ -5,12 +5,7 @@ import { general, local, prefixOf, quantity } from "./words.js";
 
 /** The curves of a run: [word, unit, lists, names of the lists]. */
 export function curvesOf(run) {
-  const largest = [], { offset, value } = run.taken;
-  for (let g = 0; g < run.generation; g++) {
-    let top = 0;
-    for (let i = offset[g]; i < offset[g + 1]; i++) if (value[i] > top) top = value[i];
-    largest.push(top);
-  }
+  const { offset, value } = run.taken, largest = Array.from({ length: run.generation }, (_, g) => value.subarray(offset[g], offset[g + 1]).reduce((top, load) => Math.max(top, load), 0));
   const summed = (list) => { let sum = 0; return Array.from(list, (load) => (sum += load)); }, ended = summed(run.ends ?? []), taken = summed(run.waits);
   const curves = [["agents", "", [run.alive], []], ["onTheWay", "N", [run.waits], []], ["largest", "N", [largest], []]];
   return [...curves, [run.ends ? "ledger" : "takenInAll", "N", ended.length ? [taken, ended] : [taken], ["takenInAll", "endedInAll"]]];

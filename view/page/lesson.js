@@ -405,8 +405,8 @@ function ruleBox(page) {
   shaft("M140 126V156M135 148L140 156L145 148"); word(152, 150, `${t("ahead")} α₂P`);
   shaft("M82 66V104M77 96L82 104L87 96"); word(72, 92, "α₃P", "end");
   shaft("M198 66V104M193 96L198 104L203 96"); word(210, 92, "α₃P");
-  shaft("M98 56H56M64 51L56 56L64 61", true); word(4, 42, "(1−β)να₁P"); shaft("M182 56H224M216 51L224 56L216 61", true); word(196, 42, "(1−β)να₁P");
+  if (rule.beta !== 1) { shaft("M98 56H56M64 51L56 56L64 61", true); word(4, 42, "(1−β)να₁P"); shaft("M182 56H224M216 51L224 56L216 61", true); word(196, 42, "(1−β)να₁P"); }
   word(140, 84, t("keeps"), "middle"); word(140, 102, "α₁P", "middle");
-  const values = `${Object.entries({ "α₁": a1, "α₂": a2, "α₃": a3, "β": rule.beta, "ν": nu }).map(([name, v]) => `${name} = ${general(v, 4)}`).join(", ")}, γ = ${quantity(rule.threshold, "N")}`;
+  const values = `${Object.entries({ "α₁": a1, "α₂": a2, "α₃": a3, "β": rule.beta, ...(rule.beta === 1 ? {} : { "ν": nu }) }).map(([name, v]) => `${name} = ${general(v, 4)}`).join(", ")}, γ = ${quantity(rule.threshold, "N")}`;
   return make("div", { className: "rulebox" }, svg, make("div", {}, make("h2", { textContent: t("cell") }), make("p", { textContent: `${rule.accumulate ? t("addsUp") : ""}${t("ruleInWords")}` }), make("p", { textContent: values })));
 }

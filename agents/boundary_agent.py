@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
-
-from kaju._mesa import Cell
-from kaju.errors import AgentError, brief
+from kaju.errors import brief
 
 from .material_agent import PlacedAgent
 from .shares import Load
@@ -43,9 +40,7 @@ class BoundaryAgent(PlacedAgent):
     name = ""
     """"free", "rigid" or "roller"."""
 
-    def __init__(self, model: Any, cell: Cell) -> None:
-        super().__init__(model, cell)
-        self.returned = 0.0
+    returned = property(lambda agent: sum(agent.passed.values()))
 
     def answer(self, load: Load, arm: int) -> Load | None:
         """Take a load that came over `arm`, return what goes back of it, and add up both."""
@@ -56,7 +51,6 @@ class BoundaryAgent(PlacedAgent):
         came, given = load.total, 0.0 if back is None else back.total
         self.taken[load.direction] += came
         self.passed[engine.opposite[arm]] += given
-        self.returned += given
         self.kept += came - given
         return back
 
@@ -73,8 +67,7 @@ class BoundaryAgent(PlacedAgent):
         Returns
         -------
         Load or None
-            No more than arrived, such as ``self.turn(load, arm)._replace(magnitude=0.1)``; None:
-            nothing goes back. What does not is absorbed.
+            No more than arrived, as ``self.turn(load, arm)._replace(magnitude=0.1)``; None is none.
         """
         back = self.turn(load, arm)
         if not isinstance(back, Load):
@@ -84,14 +77,8 @@ class BoundaryAgent(PlacedAgent):
 
     def turn(self, load: Load, arm: int) -> Load:
         """Return the load on its way back."""
-        raise AgentError(
-            f"turn: {type(self).__name__} has no such method; write turn(load, arm), or make it a "
-            "subclass of kaju.RigidBoundaryAgent, FreeBoundaryAgent or RollerBoundaryAgent"
-        )
-
-    def __repr__(self) -> str:
-        told = f"gave back {self.returned:g} N, since generation {self.spawn_step}"
-        return f"<{type(self).__name__} at {self.index}: {told}>"
+        told = "has no such method; write it, or subclass a kind, such as kaju.RigidBoundaryAgent"
+        raise self.model.engine.guard.wrong(self, "turn", told)
 
 
 class FreeBoundaryAgent(BoundaryAgent):

@@ -13,13 +13,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import inf
-from typing import ClassVar, Literal, NamedTuple, get_args
+from typing import ClassVar, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from kaju.arrays import Floats
-from kaju.errors import require
+from kaju.errors import check_type, require
 
 from .materials import Material
 from .shares import Shares
@@ -89,14 +89,11 @@ class ElasticRule:
         if self.threshold is not None:
             told = f"threshold: must be a load above 0 N, got {self.threshold}; leave it out"
             require(0.0 < self.threshold < inf, f"{told} to have it chosen from the tolerance")
-        known = get_args(Order)
-        told = f"order: must be one of {', '.join(map(repr, known))}, got {self.order!r}"
-        require(self.order in known, told)
-        told = f"share: belongs to the order 'wave'; in the order {self.order!r} an agent takes"
-        wave = self.share is None or self.order == "wave"
-        require(wave, f"{told} all of its load, so leave share out")
-        some = self.share is None or 0.0 < self.share < inf
-        require(some, f"share: must be a number above 0, got {self.share}")
+        check_type("order", self.order, Order)
+        if self.share is not None:
+            told = f"share: belongs to the order 'wave'; in the order {self.order!r} an agent takes"
+            require(self.order == "wave", f"{told} all of its load, so leave share out")
+            require(0.0 < self.share < inf, f"share: must be a number above 0, got {self.share}")
         rule = f"tolerance: must lie between 0 and 1, got {self.tolerance}"
         require(0.0 < self.tolerance < 1.0, f"{rule}; 1e-4 is one part in ten thousand")
 

@@ -16,8 +16,6 @@ from kaju.errors import brief
 from .materials import Material
 from .parameter import is_number
 
-Link = tuple[int, float]  # to whom an agent hands which share: a number, and a part of 1
-
 
 @dataclass(frozen=True, eq=False)
 class Place:
@@ -30,7 +28,7 @@ class Place:
     position: Floats  # middle of the face (m)
     materials: tuple[Material, ...]  # of the cells beside the face; empty for parents
     stiffness: float  # K (N/m): load that moves the face by 1 m while all others hold still
-    links: tuple[Link, ...]  # to other faces and to supports
+    links: tuple[tuple[int, float], ...]  # numbers of faces and supports, and the share of each
 
 
 class FaceAgent(FixedAgent):

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from math import inf
 from typing import Any
 
 import numpy as np
 
 from kaju._mesa import Cell, FixedAgent
 from kaju.arrays import Floats
-from kaju.errors import AgentError, brief
+from kaju.errors import brief
 
 from .materials import Material
 from .parameter import is_number
@@ -66,6 +65,13 @@ class PlacedAgent(FixedAgent):
         self.taken: dict[int, float] = Amounts()
         self.kept = 0.0
         self.passed: dict[int, float] = Amounts()
+
+    def __repr__(self) -> str:
+        taken, passed = (sum(loads.values()) for loads in (self.taken, self.passed))
+        told = f"took {taken:g} N, kept {self.kept:g} N, passed on {passed:g} N"
+        return (
+            f"<{type(self).__name__} at {self.index}: {told}, since generation {self.spawn_step}>"
+        )
 
     index = property(lambda agent: agent.cell.coordinate)
 
@@ -128,25 +134,16 @@ class MaterialAgent(PlacedAgent):
         # Over each arm the box there; the engine finds it when something is handed over.
         self._around: list[LoadBox | None] = [None] * len(self.engine.opposite)
         self._handed: object = self
-        self._sent_by: tuple[object, Any] = self, None  # shares, and what is sent by them
+        self._sent_by: tuple[object, dict[Sense, tuple[Emissions, ...]]] = self, {}
 
     def __getstate__(self) -> dict[str, Any]:
         """Leave out the neighbours: a copy meets its own, one would drag along all others."""
         return self.__dict__ | {"_around": [None] * len(self._around)}
 
-    def __repr__(self) -> str:
-        return (
-            f"<{type(self).__name__} at {self.index}: {self.material.name}, "
-            f"took {sum(self.taken.values()):g} N, kept {self.kept:g} N, "
-            f"since generation {self.spawn_step}>"
-        )
-
     def remove(self) -> None:
         """Raise an error: a load may be on its way here."""
-        raise AgentError(
-            f"remove: {type(self).__name__} at {self.index} cannot be removed, because loads may "
-            "be on their way to it; let its emissions return nothing instead"
-        )
+        told = "cannot be removed, because loads may be on their way to it; let its emissions"
+        raise self.engine.guard.wrong(self, "remove", f"{told} return nothing instead")
 
     # The life of a load: an agent takes it, keeps a share, and passes the others on.
 
@@ -164,8 +161,7 @@ class MaterialAgent(PlacedAgent):
             before = self.kept
             self.take(load)
             kept = self.kept
-            plain = type(kept) is float and 0.0 <= kept < inf  # seen at once
-            if not plain and not (is_number(kept) and kept >= 0.0):
+            if not (is_number(kept) and kept >= 0.0):
                 what = f"has kept {brief(kept)} N; kept must be a number from 0 upwards"
                 raise engine.guard.wrong(self, "take", what)
             squeezed[axis_of[load[0]]] += kept - before if load[3] == "push" else before - kept
@@ -210,15 +206,14 @@ class MaterialAgent(PlacedAgent):
         -------
         tuple of Emission
             Rows of (arm, direction, share, sense): over which face a load leaves, where its force
-            points, both as numbers of face normals (`lattice.direction_names`); its size for each
-            newton taken, at least 0; and "push", or "pull" if the rule has a sense.
+            points, both as in `lattice.direction_names`; its size for each newton taken; and
+            "push", or "pull" if the rule has a sense.
         """
         shares, sent = self._sent_by
         if shares is not self.shares:
             sent = self.engine.emissions_of(self)
             self._sent_by = self.shares, sent
-        emissions: tuple[Emission, ...] = sent[load[3]][load[0]]
-        return emissions
+        return sent[load[3]][load[0]]
 
     def pass_on(self, load: Load) -> None:
         """Hand the `emissions` of a load to the neighbours, unless they are too small.

@@ -56,8 +56,7 @@ class Material:
         require(heavy, f"{rule}; leave it out where no gravity acts")
 
 
-with files("kaju.agents").joinpath("materials.toml").open("rb") as _file:
-    _tables = tomllib.load(_file)
+_tables = tomllib.loads(files("kaju.agents").joinpath("materials.toml").read_text("utf-8"))
 _ALSO = {w.lower(): name for name, table in _tables.items() for w in table.pop("also", ())}
 LIBRARY = {name: Material(name, **entries) for name, entries in _tables.items()}
 """The named materials, by name."""
@@ -72,11 +71,6 @@ def meant_material(name: str, known: Iterable[str]) -> str:
 def material(name: str, key: str = "material") -> Material:
     """Return the `Material` that the library has under a name; `kaju materials` lists them.
 
-    Raises
-    ------
-    ParameterError
-        If the library has no such material.
-
     Examples
     --------
     >>> from kaju import material
@@ -86,7 +80,5 @@ def material(name: str, key: str = "material") -> Material:
     try:
         return LIBRARY[name]
     except (KeyError, TypeError):
-        raise ParameterError(
-            f"{key}: the library has no {name!r}{meant_material(str(name), LIBRARY)}; "
-            f"it has {', '.join(LIBRARY)}"
-        ) from None
+        told = f"{key}: the library has no {name!r}{meant_material(str(name), LIBRARY)}; it has"
+        raise ParameterError(f"{told} {', '.join(LIBRARY)}") from None

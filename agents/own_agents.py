@@ -128,10 +128,10 @@ def noting_agents() -> Iterator[None]:
     try:
         yield
     except Exception as error:
-        hooks, called = {*chain(*HOOKS.values())}, ""
+        called = ""
         for frame, _ in walk_tb(error.__traceback__):
             agent, hook = frame.f_locals.get("self"), frame.f_code.co_name
-            if hook in hooks and isinstance(agent, PlacedAgent | FaceAgent):
+            if hook in chain(*HOOKS.values()) and isinstance(agent, PlacedAgent | FaceAgent):
                 called, within = agent.model.engine.guard.called(agent), hook
         if called and called not in str(error):
             error.add_note(f"in {within} of {called}")
@@ -218,6 +218,7 @@ class OwnAgents:
             direction, magnitude, copies, sense = load
         except (TypeError, ValueError):
             told = "a kaju.Load is needed, such as load._replace(magnitude=0.5)"
+            told += ", or None" * isinstance(agent, BoundaryAgent)
             raise self.wrong(agent, hook, f"hands over {brief(load)}; {told}") from None
         unfit = self._unfit(agent, arm, direction, sense, magnitude=magnitude, copies=copies)
         if unfit:
@@ -227,9 +228,6 @@ class OwnAgents:
 
     def checked_return(self, boundary: BoundaryAgent, load: Load, back: Any) -> Load:
         """Return what a boundary gives back; refuse what is no load, or larger than the load."""
-        if not isinstance(back, Load):
-            told = "must return None or a kaju.Load, such as self.turn(load, arm), got"
-            raise self.wrong(boundary, "give_back", f"{told} {brief(back)}")
         checked = self.load(boundary, "give_back", back, 0)
         if checked.total > load.total * (1.0 + 1e-12):
             what = f"gives back {checked.total:g} N of {load.total:g} N; a boundary cannot add load"

@@ -81,11 +81,9 @@ class Parameter(Declaration):
         return self if agent is None else agent.model.parameters[self.name]
 
     def __set__(self, agent: object, value: object) -> None:
-        raise ParameterError(
-            f"{self.name}: is a Parameter, one number for all agents, and cannot be set on one "
-            f"of them; give it to the model, LoadModel(scene, {self.name}=...), or choose "
-            "another name for the value of a single agent"
-        )
+        told = f"{self.name}: is a Parameter, one number for all agents; give it to the model,"
+        told += f" LoadModel(scene, {self.name}=...), or choose another name for the value of"
+        raise ParameterError(f"{told} a single agent, on which it cannot be set")
 
     def checked(self, value: Any) -> Any:
         """Return a value that the rule allows; refuse any other."""
@@ -161,8 +159,6 @@ def declared(classes: Iterable[type], kind: type[Declared]) -> dict[str, Declare
         for name in dir(agent):
             one = getattr(agent, name, None)
             if isinstance(one, kind) and found.setdefault(name, one) is not one:
-                raise ParameterError(
-                    f"{name}: two classes of agents declare a {kind.__name__} of this name; rename "
-                    "one, or declare it once on a common base"
-                )
+                told = f"two classes of agents declare a {kind.__name__} of this name; rename one,"
+                raise ParameterError(f"{name}: {told} or declare it once on a common base")
     return found

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from math import inf
 from typing import ClassVar, Literal, Protocol
 
-from kaju.errors import ParameterError, require
+from kaju.errors import require
 
 from .materials import Material
 from .shares import Shares
@@ -102,10 +102,8 @@ class PrescribedRule(Coefficients):
         by = self.materials.get(material.name, self)
         own, forward, friction = by.alpha_in(dimension)
         poisson = (1.0 - by.beta) * material.poissons_ratio * own
-        if poisson < 0.0 and not self.sense:  # a blocked expansion pulls
-            raise ParameterError(
-                f"poissons_ratio of {material.name!r}: {material.poissons_ratio} would pull the "
-                "neighbours beside, and this rule has no pulls; set sense = true or beta = 1, "
-                "or take the elastic rule"
-            )
+        told = f"poissons_ratio of {material.name!r}: {material.poissons_ratio} would pull the"
+        told += " neighbours beside, and this rule has no pulls; set sense = true or beta = 1,"
+        pushes = poisson >= 0.0 or self.sense  # a blocked expansion below 0 pulls
+        require(pushes, f"{told} or take the elastic rule")
         return Shares(own, forward, 0.0, friction, poisson, by.beta * material.poissons_ratio)

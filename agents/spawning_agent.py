@@ -38,7 +38,5 @@ class SpawningAgent(Agent):
         step = int(self.model.family.rows["retired_step"][self.row])
         return None if step < 0 else step
 
-    @property
-    def gap(self) -> float:
-        """What its two opinions differ in, or did at last (J); NaN before it has any."""
-        return float(self.model.family.rows["gap"][self.row])
+    gap = property(lambda agent: float(agent.model.family.rows["gap"][agent.row]))
+    """What its two opinions differ in, or did at last (J); NaN before it has any."""

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from kaju.errors import ParameterError, require
+from kaju.errors import require
 from kaju.stepping import NOTE
 
 from .console import Console, Folder, write_json
@@ -212,8 +212,8 @@ def _verb(name: str) -> Any:
 def _varied(text: str) -> tuple[str, Any]:
     """Return a key, and the values or the distribution that it takes."""
     key, equals, values = text.partition("=")
-    if not (key.strip() and equals and values.strip()):
-        raise ParameterError(f"--vary: KEY=VALUE,VALUE or KEY=LOW:HIGH is needed, got {text!r}")
+    right = bool(key.strip() and equals and values.strip())
+    require(right, f"--vary: KEY=VALUE,VALUE or KEY=LOW:HIGH is needed, got {text!r}")
     return key.strip(), _distribution(values) or _listed(values)
 
 
@@ -227,11 +227,9 @@ def _distribution(text: str) -> Any:
         ends = float(low), float(high)
     except ValueError:
         return None
-    if not ends[0] < ends[1] or log not in ("", "log") or (log and ends[0] <= 0.0):
-        raise ParameterError(
-            f"--vary: a range is LOW:HIGH with LOW below HIGH, or LOW:HIGH:log above 0, "
-            f"got {text!r}"
-        )
+    right = ends[0] < ends[1] and (not log or (log == "log" and ends[0] > 0.0))
+    told = "--vary: a range is LOW:HIGH with LOW below HIGH, or LOW:HIGH:log above 0"
+    require(right, f"{told}, got {text!r}")
     return loguniform(*ends) if log else uniform(ends[0], ends[1] - ends[0])
 
 

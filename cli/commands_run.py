@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from kaju.errors import ConvergenceError, ParameterError
+from kaju.errors import ConvergenceError, require
 from kaju.stepping import NOTE
 
 from . import options
@@ -210,12 +210,10 @@ def creep(
     Writes summary.json, result.npz and a picture: displacement, stress and energies over time.
     `kaju animate` makes a film of the folder.
     """
-    if (scene.history is None) == (hold is None):
-        raise ParameterError(
-            "--hold: a scene without [history] needs --hold SECONDS, such as --hold 10"
-            if hold is None
-            else "--hold: the scene has a [history] of its own, so leave this out"
-        )
+    told = "--hold: the scene has a [history] of its own, so leave this out"
+    require(scene.history is None or hold is None, told)
+    told = "--hold: a scene without [history] needs --hold SECONDS, such as --hold 10"
+    require(scene.history is not None or hold is not None, told)
     from kaju.agents.elastic_rule import ElasticRule
     from kaju.model.rheology.creeping import creep as let_creep
     from kaju.model.rheology.load_history import History
@@ -245,9 +243,7 @@ def break_(
         Measure | None,
         typer.Option(help="What is exceeded: force of springs, stress of cells unless given."),
     ] = None,
-    scatter: Annotated[
-        float | None, options.share("How far strengths scatter; 0.1 unless given.")
-    ] = None,
+    scatter: Annotated[float, options.share("How far strengths scatter.")] = 0.1,
     seed: Annotated[int, typer.Option(help="Seed of the strengths.")] = 0,
     most: Annotated[int | None, typer.Option(min=1, help="End after so many breaks.")] = None,
 ) -> Any:
@@ -258,8 +254,7 @@ def break_(
     """
     from kaju.model.fracture.fracture_model import FractureModel
 
-    how: dict[str, Any] = {"measure": measure and measure.value}
-    how["scatter"] = 0.1 if scatter is None else scatter
+    how: dict[str, Any] = {"measure": measure and measure.value, "scatter": scatter}
     result = FractureModel(scene, strength=strength, most_breaks=most, seed=seed, **how).run()
     say(f"{result.breaks} {result.parts}s broke, one at a time; {result.outcome}")
     return result
@@ -273,12 +268,9 @@ def grow(
         GrowthRule, typer.Option(help="How cells grow by what they feel.")
     ] = GrowthRule.compliance,
     volume: Annotated[
-        float | None,
-        options.share(
-            "Share of the body that is filled: at first, and by compliance throughout; 50% unless "
-            "given."
-        ),
-    ] = None,
+        float,
+        options.share("Share of the body that is filled: at first, and by compliance throughout."),
+    ] = 0.5,
     radius: Annotated[
         float, typer.Option(help="Cells over which compliance averages.", min=0.0)
     ] = 2.4,
@@ -291,7 +283,7 @@ def grow(
     """
     from kaju.model.growth.growth_model import GrowthModel
 
-    how: dict[str, Any] = {"rule": rule.value, "volume": 0.5 if volume is None else volume}
-    grown = GrowthModel(scene, filter_radius=radius, most_steps=steps, **how).run()
+    how: dict[str, Any] = {"rule": rule.value, "filter_radius": radius, "most_steps": steps}
+    grown = GrowthModel(scene, volume=volume, **how).run()
     say(f"cells grew by the rule of {rule}; {grown.outcome}")
     return grown

@@ -68,8 +68,8 @@ NAMES = {
 """Keys that say more to a reader under another name."""
 
 SAID = {"notes", "outcome", "model", "kaju_version", "iterations", "residual", "subdivision"}
-SAID |= {"goal", "goal_error"}  # stand in the lines of goals
-"""Keys that stand in other lines, or are for files."""
+SAID |= {"goal", "goal_error"}
+"""Keys that stand in other lines, as in those of goals, or are for files."""
 
 
 @dataclass(frozen=True)
@@ -150,15 +150,11 @@ class Folder:
         if is_there(path) and not path.is_dir():
             raise ResultFileError(f"{path}: is a file; --out needs a folder")
         if Path.cwd().is_relative_to(path.resolve()):
-            raise ResultFileError(
-                f"{path}: is the working folder or holds it, and results need a folder of their "
-                f"own; take a new one, such as {Path.cwd() / 'result'}"
-            )
+            told = "is the working folder or holds it, and results need a folder of their own"
+            raise ResultFileError(f"{path}: {told}; take a new one, as {Path.cwd() / 'result'}")
         if is_there(path) and any(path.iterdir()) and not force:
-            raise ResultFileError(
-                f"{path}: is not empty; take another folder, "
-                "or --force to replace the results in it"
-            )
+            told = "is not empty; take another folder, or --force to replace the results in it"
+            raise ResultFileError(f"{path}: {told}")
         check_writable(path, ResultFileError)
 
     def fill(self, write: Callable[[Path], object]) -> list[Path]:

@@ -19,10 +19,11 @@ if TYPE_CHECKING:
     from kaju.model.scene import Scene
 
 
-def fraction(word: str) -> float:
-    """Return a share, such as 0.05 or 5%."""
+def fraction(word: str | float) -> float:
+    """Return a share, such as 0.05 or 5%, or of a default, which is a number."""
     try:
-        return float(word.strip().removesuffix("%")) / (100.0 if "%" in word else 1.0)
+        told = str(word).strip()
+        return float(told.removesuffix("%")) / (100.0 if "%" in told else 1.0)
     except ValueError:
         raise typer.BadParameter(f"a share such as 0.01, or 1%, is needed, got {word!r}") from None
 

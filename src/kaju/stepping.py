@@ -58,11 +58,8 @@ def takes_objects(engine: str, agent: type, usual: type, small: bool) -> bool:
     if engine not in ("auto", "agents", "arrays"):
         cure = "; a class goes into material_agent= or face_agent=" * isinstance(engine, type)
         raise ParameterError(f"engine: 'auto', 'agents' or 'arrays', got {engine!r}{cure}")
-    if engine == "arrays" and own_class:
-        raise ParameterError(
-            f"engine: 'arrays' knows no {getattr(agent, '__name__', agent)}; "
-            "agents of your own are objects, so take 'auto' or 'agents'"
-        )
+    told = f"engine: 'arrays' knows no {getattr(agent, '__name__', agent)}; agents of your own are"
+    require(engine != "arrays" or not own_class, f"{told} objects, so take 'auto' or 'agents'")
     return engine == "agents" or (engine == "auto" and (small or own_class))
 
 

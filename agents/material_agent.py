@@ -68,10 +68,8 @@ class PlacedAgent(FixedAgent):
 
     def __repr__(self) -> str:
         taken, passed = (sum(loads.values()) for loads in (self.taken, self.passed))
-        told = f"took {taken:g} N, kept {self.kept:g} N, passed on {passed:g} N"
-        return (
-            f"<{type(self).__name__} at {self.index}: {told}, since generation {self.spawn_step}>"
-        )
+        told = f"took {taken:g} N, kept {self.kept:g} N, passed on {passed:g} N, since generation"
+        return f"<{type(self).__name__} at {self.index}: {told} {self.spawn_step}>"
 
     index = property(lambda agent: agent.cell.coordinate)
 

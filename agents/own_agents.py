@@ -166,10 +166,9 @@ class OwnAgents:
     def check_begun(self, agent: PlacedAgent | FaceAgent, place: tuple[int, ...]) -> None:
         """Refuse an agent whose `__init__` has not called that of its base."""
         if not hasattr(agent, "spawn_step"):
-            raise AgentError(
-                f"__init__: {type(agent).__name__} at cell {place} in generation "
-                f"{self.model.generation} must call super().__init__ with all of its arguments"
-            )
+            where = f"cell {place} in generation {self.model.generation}"
+            told = f"{type(agent).__name__} at {where} must call super().__init__ with all of its"
+            raise AgentError(f"__init__: {told} arguments")
         if type(agent) not in self.names:
             known = {*vars(agent), *declared([type(agent)], Declaration)}
             self.names[type(agent)] = sorted(n for n in known if n[0] != "_")
@@ -204,9 +203,8 @@ class OwnAgents:
                 arm, direction, share, sense = row
             except (TypeError, ValueError):
                 raise self.wrong(agent, "emissions", no_emission.format(brief(row))) from None
-            unfit = self._unfit(agent, arm, direction, sense, share=share)
-            if unfit:
-                raise self.wrong(agent, "emissions", f"returned {brief(row)}{unfit}")
+            parts = {"arm": arm, "direction": direction, "sense": sense, "share": share}
+            self._check_fit(agent, "emissions", "returned", row, parts)
             checked.append((int(arm), int(direction), share, sense))  # True would mask an array
         if len(checked) > MOST_EMISSIONS:
             raise self.wrong(agent, "emissions", f"returned more than {MOST_EMISSIONS} for a load")
@@ -220,10 +218,8 @@ class OwnAgents:
             told = "a kaju.Load is needed, such as load._replace(magnitude=0.5)"
             told += ", or None" * isinstance(agent, BoundaryAgent)
             raise self.wrong(agent, hook, f"hands over {brief(load)}; {told}") from None
-        unfit = self._unfit(agent, arm, direction, sense, magnitude=magnitude, copies=copies)
-        if unfit:
-            over = f" over arm {arm!r}" if isinstance(agent, MaterialAgent) else ""
-            raise self.wrong(agent, hook, f"hands over {brief(load)}{over}{unfit}")
+        parts = {"direction": direction, "sense": sense, "magnitude": magnitude, "copies": copies}
+        self._check_fit(agent, hook, "hands over", load, {"arm": arm, **parts})
         return Load(int(direction), float(magnitude), float(copies), sense)
 
     def checked_return(self, boundary: BoundaryAgent, load: Load, back: Any) -> Load:
@@ -241,21 +237,21 @@ class OwnAgents:
             raise self.wrong(agent, "shortening", f"must return a finite number, got {brief(far)}")
         return float(far)
 
-    def _unfit(
-        self, agent: PlacedAgent, arm: Any, direction: Any, sense: Any, **amounts: Any
-    ) -> str:
-        """Say which of these this body does not have, and what it has; nothing if all fit."""
-        arms, every = self.arms_of[getattr(agent, "_form", None)], range(self.directions)
-        whole = {"arm": (arm, arms), "direction": (direction, every)}
-        fits = {name: isinstance(n, Integral) and n in known for name, (n, known) in whole.items()}
-        fits["sense"] = isinstance(sense, str) and sense in self.senses
-        fits |= {name: is_number(amount) and amount >= 0.0 for name, amount in amounts.items()}
-        if all(fits.values()):
-            return ""
-        unfit = [name for name in fits if not fits[name]]
+    def _check_fit(
+        self, agent: PlacedAgent, hook: str, does: str, sent: Any, parts: dict[str, Any]
+    ) -> None:
+        """Refuse what an agent sends if a part of it does not fit this body; say what does."""
+        arms = self.arms_of[getattr(agent, "_form", None)]
+        known = {"arm": arms, "direction": range(self.directions), "sense": self.senses}
+        fits = {n: isinstance(parts[n], Integral | str) and parts[n] in known[n] for n in known}
+        sizes = [name for name in parts if name not in known]
+        fits |= {name: is_number(parts[name]) and parts[name] >= 0.0 for name in sizes}
+        unfit = ", ".join(name for name in fits if not fits[name])
+        if not unfit:
+            return
         own = f"an arm of {arms}, " if isinstance(agent, MaterialAgent) else ""
+        over = f" over arm {parts['arm']!r}" if own and hook != "emissions" else ""
         pull = "or 'pull'" if "pull" in self.senses else "('pull' needs sense = true in the rule)"
-        return (
-            f"; wrong: {', '.join(unfit)}; it must have {own}a direction from 0 to {every[-1]}, a "
-            f"finite {' and '.join(amounts)} of at least 0, and the sense 'push' {pull}"
-        )
+        told = f"{does} {brief(sent)}{over}; wrong: {unfit}; it must have {own}a direction from 0"
+        sized = f"a finite {' and '.join(sizes)} of at least 0, and the sense 'push' {pull}"
+        raise self.wrong(agent, hook, f"{told} to {self.directions - 1}, {sized}")

@@ -97,10 +97,8 @@ def _rows(summary: Mapping[str, Any]) -> Iterator[tuple[str, str, str]]:
     """Yield key figures as people read them, with what they mean, if they are known."""
     for key, value in summary.items():
         # Of a goal its own error counts, and of an answer with a bound the bound.
-        other = key == "error_estimate" and (
-            "goals" in summary or value == summary.get("error_bound")
-        )
-        if key in SAID or value is None or other:
+        other = "goals" in summary or value == summary.get("error_bound")
+        if key in SAID or value is None or (key == "error_estimate" and other):
             continue
         name, unit, meaning = NAMES.get(key, key), UNITS.get(key, ""), MEANINGS.get(key, "")
         stem, _, ending = name.rpartition("_")

@@ -45,10 +45,9 @@ def chosen(order: Order[A], waiting: list[A]) -> list[A]:
     except TypeError:
         acting, right = [], False
     if not right:
-        raise ParameterError(
-            f"order: must return at least one of the {len(waiting)} agents that it gets, each "
-            f"once, and no others; it returned {len(acting)} ({brief(answer)})"
-        )
+        told = f"must return at least one of the {len(waiting)} agents that it gets, each once, and"
+        told += f" no others; it returned {len(acting)} ({brief(answer)})"
+        raise ParameterError(f"order: {told}")
     return acting
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import inf
 from typing import Any
 
 import numpy as np
@@ -159,7 +160,8 @@ class MaterialAgent(PlacedAgent):
             before = self.kept
             self.take(load)
             kept = self.kept
-            if not (is_number(kept) and kept >= 0.0):
+            plain = type(kept) is float and 0.0 <= kept < inf  # seen at once
+            if not plain and not (is_number(kept) and kept >= 0.0):
                 what = f"has kept {brief(kept)} N; kept must be a number from 0 upwards"
                 raise engine.guard.wrong(self, "take", what)
             squeezed[axis_of[load[0]]] += kept - before if load[3] == "push" else before - kept

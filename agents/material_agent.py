@@ -147,10 +147,7 @@ class MaterialAgent(PlacedAgent):
     # The life of a load: an agent takes it, keeps a share, and passes the others on.
 
     def step(self) -> None:
-        """Take every load that has arrived, keep a share, and pass the others on.
-
-        It is called in the generations in which loads wait for the agent, and in no others.
-        """
+        """Take all loads that wait, keep shares, pass the others on; called only if loads wait."""
         if not self.inbox:
             return
         engine, squeezed, loads = self.engine, self.squeezed, self.waiting()

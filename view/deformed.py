@@ -12,6 +12,7 @@ from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.colors import Normalize
+from matplotlib.lines import Line2D
 
 from kaju.arrays import Floats, Ints
 from kaju.errors import ParameterError
@@ -155,6 +156,7 @@ def draw_deformed(
     rest: dict[str, Any] = {"colors": FAINT, "linewidths": 0.7, "linestyles": "--", "zorder": 2}
     surface, _ = section.outlines()
     picture.ax.add_collection(LineCollection(list(surface), gid="at rest", **rest))
+    picture.entries.append(Line2D([], [], color=FAINT, lw=0.7, ls="--", label="outline at rest"))
     large, still = tiles.edge > section.span / OUTLINED, 1e-4 * tiles.value.max(initial=0.0)
     drawn = add_polygons(
         picture.ax,

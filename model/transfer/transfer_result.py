@@ -275,6 +275,7 @@ class TransferResult(BodyResult):
             "rigid_boundary_agents": int((stage.boundary_kind == RIGID).sum()),
             "load_taken": stage.ledger.taken,
             "load_dropped": stage.ledger.dropped,
+            **({"load_absorbed": stage.ledger.absorbed} if stage.ledger.absorbed else {}),
             "reaction": {name: force.tolist() for name, force in self.reactions.items()},
             "max_displacement": self.max_displacement,
             "spectral_radius": self.certificate.spectral_radius,

@@ -30,6 +30,10 @@ def plot_scene(
     subject: Any, ax: Axes | None = None, *, cut: Cut = None, crop: bool = False
 ) -> Axes:
     """Draw what a scene or a result asks: body, supports, forces; all of it, or where these are."""
+    if isinstance(subject, Scene) and subject.outlined and subject.lattice.dimension == 2:
+        from kaju.model.study.solving import solve
+
+        subject = solve(subject, 0.9)  # a few agents know what outlines leave of the body
     if getattr(subject, "cut_agents", None):
         section = layer_of(subject, crop=False)
     else:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from matplotlib.text import Text
 
 import kaju
 
@@ -224,13 +225,13 @@ def test_a_scene_with_true_outlines_survives_its_file_and_its_archive(tmp_path: 
     assert loaded.summary() == answer.summary()
     assert np.array_equal(loaded.outline_stress("bore")[1], answer.outline_stress("bore")[1])
     assert len(kaju.plot(answer).axes) == 2
+    assert any(text.get_text() == "The scene" for text in kaju.plot(scene).findobj(Text))
 
 
 @pytest.mark.parametrize(
     "asked",
     [
         kaju.LoadModel,
-        kaju.plot,
         lambda scene: kaju.SpawningModel(scene, stage=2),
         kaju.finite_elements,
         lambda scene: scene.rasterise(),

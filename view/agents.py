@@ -176,9 +176,9 @@ def _finish_states(
         style.count_bar(*shown)
     else:
         bar = colour_bar(*shown)
-    if yes_or_no:
-        bar.set_ticks([0.0, 1.0], labels=["no", "yes"])
-        bar.ax.minorticks_off()
+        if yes_or_no:
+            bar.set_ticks([0.0, 1.0], labels=["no", "yes"])
+            bar.ax.minorticks_off()
     return picture.finish(state, [f"after generation {last} of {stage.generations}", ""])
 
 

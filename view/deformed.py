@@ -238,7 +238,7 @@ def stress_text(result: ElasticResult) -> str:
         if isinstance(goal.quantity, Stress) and goal.quantity.component == HOOP:
             what, where = "hoop stress asked for, largest by amount", f" along {goal.quantity.at!r}"
         asked += f"{what}: {told}, error {100.0 * goal.relative_error:.2g} %{where}; "
-    found, along = result.largest_stress, result.summary()["largest_hoop_stress_Pa"] or {}
+    found, along = result.largest_stress, result.largest_along()
     name = max(along, key=lambda name: abs(along[name]), default="")
     if name and abs(along[name]) > found.value:
         return f"{asked}largest stress {quantity(abs(along[name]), 'Pa')} along {name!r}"

@@ -54,10 +54,9 @@ def is_stepped(grid: Scene) -> bool:
         if region.image is None
     ]
     if lattice.dimension == 3:
-        files = [shape for shape in shapes if isinstance(shape, ClosedSurface)]
-        if not all(isinstance(shape, Box) for shape in shapes if shape not in files):
+        if not all(isinstance(shape, Box | ClosedSurface) for shape in shapes):
             return True
-        faces = (shape.corners for shape in files)
+        faces = (shape.corners for shape in shapes if isinstance(shape, ClosedSurface))
     else:
         faces = (arcs[..., :2] / arcs[..., 2:] for shape in shapes for arcs in shape.outline())
     slants = [np.ptp(points, axis=1).min(axis=1).max() for points in faces]

@@ -369,7 +369,7 @@ class ElasticResult(BodyResult):
             raise ResultError(f"{told}; there is {', '.join(known) or 'none with a name'}")
         return units.length * known[name].place, units.stress * known[name].moved
 
-    def _largest_along(self, component: str = HOOP) -> dict[str, float]:
+    def largest_along(self, component: str = HOOP) -> dict[str, float]:
         """Return the largest stress (Pa) by amount along every named outline that has one."""
         unit, column = self.found.scales.stress, "moved" if component == HOOP else "equivalent"
         along = {name: one.counted() for name, one in self.found.along.items()}
@@ -435,7 +435,7 @@ class ElasticResult(BodyResult):
         named = isinstance(at, str) and at in [region.name for region in self.scene.body.regions]
         if component == HOOP or (named and component == "von_mises"):
             places, _ = self.outline_stress(name := str(at))  # refuses other names
-            if (value := self._largest_along(component).get(name)) is not None:
+            if (value := self.largest_along(component).get(name)) is not None:
                 return value
             why = "the body does not end, and no two materials meet, so nothing is known there"
             if len(self.found.along[name].counted().place):
@@ -485,7 +485,7 @@ class ElasticResult(BodyResult):
             "largest_stress_Pa": self.largest_stress.value,
             "largest_stress_at_m": list(self.largest_stress.at),
             "largest_stress_has_no_limit": self.largest_stress.no_limit or None,
-            "largest_hoop_stress_Pa": self._largest_along() or None,
+            "largest_hoop_stress_Pa": self.largest_along() or None,
             "reaction": {name: force.tolist() for name, force in told.items()},
             "method": self.found.solution.method,
             "iterations": max(len(self.residuals) - 1, 0),

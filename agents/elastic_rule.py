@@ -63,6 +63,11 @@ class ElasticRule:
     Loads that meet on a face are added up, with their sign. A load up to the threshold stays where
     it is, and more may be added to it.
 
+    Raises
+    ------
+    ParameterError
+        If a number is out of its range, or `share` is given with an order other than "wave".
+
     Examples
     --------
     >>> from kaju import ElasticRule, material

@@ -20,6 +20,11 @@ from kaju.model.rheology.element import ThreeElement
 class Material:
     """An isotropic, linear elastic material.
 
+    Raises
+    ------
+    ParameterError
+        If a number is out of its range or not a number.
+
     Examples
     --------
     >>> from kaju import Material, Scene, solve
@@ -70,6 +75,11 @@ def meant_material(name: str, known: Iterable[str]) -> str:
 
 def material(name: str, key: str = "material") -> Material:
     """Return the `Material` that the library has under a name; `kaju materials` lists them.
+
+    Raises
+    ------
+    ParameterError
+        If the library has no such material.
 
     Examples
     --------

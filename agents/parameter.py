@@ -52,6 +52,11 @@ class Parameter(Declaration):
     text : str
         What it means, with its unit: the label of the slider.
 
+    Raises
+    ------
+    ParameterError
+        If the bounds are missing or do not enclose the default.
+
     Examples
     --------
     >>> import kaju
@@ -115,6 +120,11 @@ class State(Declaration):
         Its value when an agent wakes. An int allows whole numbers only, so begin sums at 0.0.
     meaning : str
         What it means, with its unit: the label of its colours.
+
+    Raises
+    ------
+    ParameterError
+        If the default is not a finite number.
 
     Examples
     --------

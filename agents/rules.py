@@ -36,6 +36,11 @@ class ShareRule(Protocol):
 class Coefficients:
     """The four numbers of the prescribed rule for one material.
 
+    Raises
+    ------
+    ParameterError
+        If a share is negative or not a number, or beta lies outside [0, 1].
+
     Examples
     --------
     >>> from kaju import Coefficients, PrescribedRule, material
@@ -70,6 +75,11 @@ class PrescribedRule(Coefficients):
     """Load transfer by coefficients that the user chooses.
 
     `alpha` and `beta`, as in `Coefficients`, hold for every material not named in `materials`.
+
+    Raises
+    ------
+    ParameterError
+        If a coefficient is out of range or the threshold is not above 0.
 
     Examples
     --------

@@ -28,6 +28,11 @@ class SteppedModel(Model):
     `rng`, `seed`: seed of `rng` and `random`; give one of them. `running` is False at the end, and
     `step` then does nothing. `steps` are those since the start or the last `reset`. The figures
     after every step are in `datacollector`, and from Mesa 3.5 on the data set "figures", too.
+
+    Raises
+    ------
+    ParameterError
+        If both seeds are given.
     """
 
     step: Callable[[], None]

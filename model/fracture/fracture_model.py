@@ -49,6 +49,8 @@ class FractureModel(Stepper[FractureResult]):
 
     Raises
     ------
+    ParameterError
+        If a number is outside its rule.
     SceneError
         If the subject cannot break: stretched from the start, of several stages of a network's
         load, under forces and given displacements or weight, of true outlines.

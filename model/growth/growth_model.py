@@ -60,6 +60,8 @@ class GrowthModel(Stepper[GrowthResult]):
 
     Raises
     ------
+    ParameterError
+        If an argument breaks its rule.
     SceneError
         If the scene cannot grow: moved sides, weight, or no forces.
 

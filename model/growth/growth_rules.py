@@ -190,6 +190,11 @@ class Remodelling(GrowthRule):
 
     The stimulus is p U / x, the energy that a unit of filled volume saves. A density rests where
     the stimulus misses its aim by less than `lazy`.
+
+    Raises
+    ------
+    ParameterError
+        If a number breaks its rule, or the gain is not stable.
     """
 
     name = "remodelling"

@@ -56,6 +56,8 @@ class NetworkModel(Stepper[NetworkResult]):
 
     Raises
     ------
+    ParameterError
+        If an argument is outside its rule.
     MechanismError, BucklingError
         If the network gives way; `result` of the error is what was reached before.
     ConvergenceError

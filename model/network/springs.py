@@ -447,7 +447,13 @@ class SpringNetwork:
         return _between(self.displacements, stage)
 
     def node(self, name: Hashable) -> int:
-        """Return the number of the node of that name; refuse one that there is not."""
+        """Return the number of the node of that name.
+
+        Raises
+        ------
+        SceneError
+            If there is none.
+        """
         if name not in self._numbers:
             some = ", ".join(repr(known) for known in self.names[:4])
             raise SceneError(f"node: there is no {name!r}; the nodes are named {some}, ...")

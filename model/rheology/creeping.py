@@ -79,6 +79,8 @@ def creep(
 
     Raises
     ------
+    ParameterError
+        If an argument is outside its rule.
     ConvergenceError
         If the tolerance cannot be kept or a time step finds no balance.
     TangentError
@@ -176,7 +178,13 @@ class CreepModel(Stepper[AnyTimeResult]):
         return f"{self.moment:.4g} s of {self._asked[-1]:.4g} s"
 
     def result(self) -> AnyTimeResult:
-        """Return what has been computed so far."""
+        """Return what has been computed so far.
+
+        Raises
+        ------
+        ResultError
+            Before the first step, unless the start is among the times asked for.
+        """
         if not self._moments:
             raise ResultError("result: no time has passed yet; take a step first")
         state = self._state

@@ -37,6 +37,11 @@ _LEAST, _MOST = 1e-100, 1e100
 class ThreeElement:
     """A Voigt element (K_f, D_f) in series with a damper D_d.
 
+    Raises
+    ------
+    ParameterError
+        If a number is outside its range, or K_f and D_f are both 0.
+
     Examples
     --------
     >>> from kaju import History, ThreeElement, creep

@@ -25,6 +25,11 @@ class History:
     It is 0 up to time 0, where it may jump, and keeps its last factor for ever. Two corners at one
     time are a jump; exactly there it has the factor *before* the jump.
 
+    Raises
+    ------
+    ParameterError
+        If the times fall, do not start at 0, or a number is not finite.
+
     Examples
     --------
     >>> from kaju import History

@@ -49,6 +49,11 @@ def finite_elements(scene: Scene, *, order: int = 2, split: int = 1) -> ElementR
     ElementReference
         An answer that `kaju.compare` takes as the truth.
 
+    Raises
+    ------
+    ParameterError
+        If an argument, or what the scene has, is not supported.
+
     Examples
     --------
     >>> import kaju

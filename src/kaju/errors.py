@@ -33,7 +33,7 @@ class KajuError(Exception):
 
 
 class ParameterError(KajuError, ValueError):
-    """An argument is outside its rule (a negative size, a share above 1, a NaN); all raise it."""
+    """An argument is outside its rule (a negative size, a share above 1, a NaN)."""
 
 
 class AgentError(ParameterError):

@@ -402,10 +402,11 @@ def test_slits_far_thinner_than_agents_are_proved(corners, truth) -> None:
     assert answer.agents < 2000
 
 
-@pytest.mark.parametrize("number", [106, 166])  # small agents at a hole, flat triangles
-def test_stresses_keep_their_digits(number: int) -> None:
+# Small agents at a hole, flat triangles, a hole within 6e-8 of a line of agents
+@pytest.mark.parametrize(("number", "tolerance"), [(106, 0.04), (166, 0.04), (8, 0.02)])
+def test_stresses_keep_their_digits(number: int, tolerance: float) -> None:
     path = Path(__file__).parents[1] / "data" / "failed" / f"true_outlines_{number}.toml"
-    assert kaju.solve(path, tolerance=0.04).tolerance_kept == "proved"
+    assert kaju.solve(path, tolerance=tolerance).tolerance_kept == "proved"
 
 
 @pytest.mark.parametrize("at", ["right", {"box": [[0.02, 0.0], [0.1, 0.05]]}])

@@ -37,9 +37,9 @@ def angle():
     )
 
 
-def pierced():
+def pierced(**changes):
     hole = {"material": "air", "disk": {"centre": [0.1, 0.1], "radius": 0.05}}
-    return body([16, 16], {"side": "top", "pressure": 1e6}, regions=[hole])
+    return body([16, 16], {"side": "top", "pressure": 1e6}, regions=[hole], **changes)
 
 
 def cantilever():

@@ -102,7 +102,24 @@ class CutMesh:
             if not {row, other} & known:
                 triangle[[row, other]], leaf[row] = both, leaf[other]
                 known |= {row, other}
-        return replace(self, triangle=triangle, leaf=leaf).flipped() if known else self
+        if known:
+            return replace(self, triangle=triangle, leaf=leaf).flipped()
+        rows = np.flatnonzero((flat < FLAT) & (beyond < 0))
+        return self._parted(rows, longest[rows]) if len(rows) else self
+
+    def _parted(self, rows: Ints, longest: Ints) -> CutMesh:
+        """Return the mesh, triangles with their longest side on the border parted at its foot."""
+        a, b, tip = self.triangle[rows[:, None], (longest[:, None] + np.arange(3)) % 3].T
+        start, run = self.place[a], self.place[b] - self.place[a]
+        along = ((self.place[tip] - start) * run).sum(axis=1) / (run**2).sum(axis=1)
+        foot, triangle = len(self.place) + np.arange(len(rows)), self.triangle.copy()
+        triangle[rows] = np.stack([a, foot, tip], axis=1)
+        return CutMesh(
+            np.concatenate([self.place, start + along[:, None] * run]),
+            np.concatenate([triangle, np.stack([foot, b, tip], axis=1)]),
+            np.append(self.leaf, self.leaf[rows]),
+            np.append(self.law, self.law[rows]),
+        )
 
     @cached_property
     def _legs(self) -> Floats:

@@ -169,7 +169,10 @@ class ElasticResult(BodyResult):
 
     @cached_property
     def reactions(self) -> dict[str, Floats]:
-        """Force (N) of each support on the body; "rigid" are rigid cells inside the array."""
+        """Force (N) of each support on the body; "rigid" are rigid cells inside the array.
+
+        A rigid region with a true outline and a name is a support of this name.
+        """
         unit = self.found.scales.force
         return {name: unit * force for name, force in self.found.reactions().items()}
 

@@ -16,7 +16,7 @@ from kaju.model.elastic.pair.leaves import LeafCells
 from kaju.model.scene.curves import cross
 
 from .triangulation import SQUARE, triangles, unified
-from .true_shapes import AIR, GRID, TINY, UNIT, Law, TrueBody, holding, leaf_at, snapped
+from .true_shapes import GRID, NOTHING, TINY, UNIT, Law, TrueBody, holding, leaf_at, snapped
 
 ROUNDING = 1e-8  # share of a leaf below which what is of a law is left out, or filled
 
@@ -257,8 +257,8 @@ def _laws_at(body: TrueBody, laws: list[Law], held: Flags, cut: Flags, most: boo
 
 
 def _number(laws: list[Law], law: Law) -> int:
-    """Return the number of a law in a list, which it is added to; -1 for air."""
-    if law == AIR:
+    """Return the number of a law in a list, which it is added to; -1 for what is no body."""
+    if law in NOTHING:
         return -1
     if law not in laws:
         laws.append(law)

@@ -19,13 +19,25 @@ from kaju.model.elastic.moduli import scene_moduli
 from kaju.model.elastic.pair.leaves import LeafCells
 from kaju.model.elastic.scales import Scales
 from kaju.model.scene import Body, Scene
+from kaju.model.scene.cell_types import INSIDE
 from kaju.model.scene.curves import Point
 
 from . import true_shapes
 from .arc_triangles import CLOSE, ArcFrames, TouchError, keep_apart
 from .leaf_triangles import parted_lines
 from .triangulation import NEAR
-from .true_shapes import AIR, KINK, SLIGHT, TINY, UNIT, Law, TrueBody, TrueRegion, holding
+from .true_shapes import (
+    AIR,
+    KINK,
+    RIGID,
+    SLIGHT,
+    TINY,
+    UNIT,
+    Law,
+    TrueBody,
+    TrueRegion,
+    holding,
+)
 
 SIDES = {"left": (0, 0), "right": (0, 1), "bottom": (1, 0), "top": (1, 1)}
 """Of each side of the array its axis, and whether it is the upper one."""
@@ -111,8 +123,17 @@ class OutlinedBody:
         """The law of every material."""
         names = [material.name for material in scene.cell_materials]
         self.true = _body(
-            scene, self.edge, self.shape, dict(zip(names, self.own_laws, strict=True))
+            scene,
+            self.edge,
+            self.shape,
+            dict(zip([*names, INSIDE], [*self.own_laws, RIGID], strict=True)),
         )
+        regions = enumerate(self.true.regions)
+        named = [region.name or INSIDE for region in scene.body.regions]
+        self.rigid = {k: named[k] for k, region in regions if region.law == RIGID}
+        """Of each rigid region the name of the support that it is."""
+        for which in self.rigid:
+            self._check_rigid(which)
         kinds = {name: scene.side_condition(name).kind for name in SIDES}
         self.held = {
             name: (0, 1) if kind == "rigid" else (SIDES[name][0],)
@@ -120,6 +141,30 @@ class OutlinedBody:
             if kind != "free"
         }
         self._load(modulus)
+
+    def _check_rigid(self, which: int) -> None:
+        """Refuse a rigid region that does not hold the body with all of its outline."""
+        regions, where = self.true.regions, f"body.regions.{which}.material"
+        check_alone(regions, which, f"{where}: what is rigid", "support")
+        lines = [line.arcs for line in regions[which].lines]
+        at = np.array([arcs[0, 0, :2] / arcs[0, 0, 2] for arcs in lines])
+        below = self._below(which, at)
+        beyond = [one[..., :2] / one[..., 2:] for one in lines]
+        if any((one <= 0.0).any() or (one >= self.shape).any() for one in beyond):
+            told = "reaches the side of the array; hold this by [sides], or draw it smaller"
+        elif AIR in below or RIGID in below:
+            told = "lies in the air, and holds nothing; let the body surround it"
+        elif any(regions[which].part_of(later) for later in regions[which + 1 :]):
+            told = "lies below or around a later region; give the rigid one last, around nothing"
+        else:
+            return
+        raise SceneError(f"{where}: what is rigid {told}")
+
+    def _below(self, which: int, points: Floats) -> list[Law]:
+        """Return the laws that regions before one give points."""
+        holds = holding([one.rings(True) for one in self.true.regions[:which]], points)
+        laws = [self.true.law, *(one.law for one in self.true.regions[:which])]
+        return [laws[max([0, *(np.flatnonzero(column) + 1)])] for column in holds.T]
 
     def _load(self, modulus: float) -> None:
         """Collect the loads: forces over edges, stresses as strains of the modulus."""
@@ -193,11 +238,14 @@ class OutlinedBody:
         which = [region.name for region in self.asked.body.regions].index(name)
         check_alone(regions, which, f"{where}: {name!r}", "load")
         region = regions[which]
+        if region.law == RIGID:
+            raise SceneError(
+                f"{where}: {name!r} is rigid, and holds the body; load another outline"
+            )
         # the outline meets no other: what holds one point of it holds all
-        at = region.arcs[0, :1]
-        holds = holding([one.rings(True) for one in regions], at[:, :2] / at[:, 2:])[:, 0]
-        below = [self.true.law, *(regions[k].law for k in np.flatnonzero(holds[:which]))][-1]
-        if holds[which + 1 :].any() or region.solid == (below != AIR):
+        at = region.arcs[0, :1, :2] / region.arcs[0, :1, 2:]
+        above = holding([one.rings(True) for one in regions[which + 1 :]], at)
+        if above.any() or region.solid == (self._below(which, at)[0] != AIR):
             raise SceneError(
                 f"{where}: {name!r} is not where the body ends; loads act neither between two "
                 "materials nor in the air, nor below another region"
@@ -266,26 +314,29 @@ class OutlinedBody:
         lattice = type(asked.lattice)(shape, asked.lattice.cell_size / many)
         codes = self.material_at(lattice.centres(np.indices(shape).reshape(2, -1).T), edges=False)
         names = [material.name for material in asked.cell_materials]
-        codes = np.where(codes < 0, len(names), codes).astype(np.int16)
+        kinds = [*names, INSIDE, "air"]
         body = Body(
-            array=codes.reshape(shape),
+            array=(codes % len(kinds)).astype(np.int16).reshape(shape),
             cell_size=lattice.cell_size,
             thickness=asked.body.thickness,
             plane=asked.body.plane,
             allow_floating=True,
         )
-        legend = {str(number): name for number, name in enumerate([*names, "air"])}
+        legend = {str(number): name for number, name in enumerate(kinds)}
         return Scene(body=body, legend=legend, materials=asked.materials, sides=asked.sides)
 
     def material_at(self, points: Floats, edges: bool = True) -> Ints:
-        """Return which material is at points (m), -1 for air; `edges` of this are the body's."""
+        """Return which material is at points (m); -1 for air, -2 for what is rigid.
+
+        Edges of these are the body's, or nobody's without `edges`.
+        """
         asked, body = self.asked, self.asked.body
-        number = {material.name: k for k, material in enumerate(asked.cell_materials)}
+        number = {INSIDE: -2} | {one.name: k for k, one in enumerate(asked.cell_materials)}
         found = np.full(len(points), number.get(str(body.material), -1))
         for k, region in enumerate(body.regions):
             shape, of = region.shape_in(asked.lattice, f"body.regions.{k}"), region.material
             inside = shape.contains(points)
-            if edges and of not in number:
+            if edges and number.get(of, -1) < 0:
                 step = TINY * float((shape.extent[1] - shape.extent[0]).max())
                 for x, y in np.ndindex(3, 3):
                     inside &= shape.contains(points + step * np.array([x - 1, y - 1]))
@@ -328,7 +379,7 @@ class OutlinedBody:
                     middles = 0.5 * np.array([angle, angle + np.pi])
                     beside = np.stack([np.cos(middles), np.sin(middles)], axis=1) @ frame
                     inside = self.material_at(self.edge * (at + BESIDE * beside), edges=False)
-                    if self._grows(side, angle, *([*self.own_laws, AIR][k] for k in inside)):
+                    if self._grows(side, angle, *([*self.own_laws, RIGID, AIR][k] for k in inside)):
                         found[point] = {which: side}
         return found
 

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property, reduce
 from itertools import combinations, pairwise
+from math import inf
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -88,7 +89,8 @@ class Law(NamedTuple):
         return Law(choose(self.bulk, other.bulk), choose(self.shear, other.shear))
 
 
-AIR = Law(0.0, 0.0)
+AIR, RIGID = Law(0.0, 0.0), Law(inf, inf)
+NOTHING = AIR, RIGID  # neither is body; along the outline of what is rigid nothing moves
 
 
 class ClosedLine:
@@ -218,8 +220,8 @@ class TrueRegion:
 
     @property
     def solid(self) -> bool:
-        """Whether it is filled, not cut out."""
-        return self.law != AIR
+        """Whether it is body, not cut out."""
+        return self.law not in NOTHING
 
     @property
     def arcs(self) -> Floats:
@@ -297,7 +299,7 @@ class TrueBody:
     def laws(self) -> tuple[Law, ...]:
         """The laws of its materials."""
         laws = dict.fromkeys([self.law, *(region.law for region in self.regions)])
-        return tuple(law for law in laws if law != AIR)
+        return tuple(law for law in laws if law not in NOTHING)
 
     def extreme(self, stiffer: bool) -> Law:
         """Return the softest law no softer than any of the body's, or the stiffest no stiffer."""

@@ -481,7 +481,8 @@ def _unproved(scene: Description, body: ResolvedBody) -> Iterator[tuple[object, 
     yield own.material in walls, f"body.material: {own.material} is no body; take a material"
     for number, region in enumerate(own.regions):
         where = f"body.regions.{number}.material"
-        yield region.material in walls, f"{where}: {region.material} holds; hold it by [sides]"
+        held = region.material == "roller" or (solid and region.material == "rigid")
+        yield held, f"{where}: {region.material} holds; hold it by [sides]"
     if not fills:
         raise SceneError("body.regions: all is air; give a region, or the body, a material")
     yield solid and len(fills) > 1, "body.regions: in space take one material, beside air"

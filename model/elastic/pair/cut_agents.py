@@ -163,7 +163,7 @@ class CutAgents(PairAgents):
         extent, off = np.asarray(lattice.extent), TINY * min(lattice.extent)
         within = ((points >= -off) & (points <= extent + off)).all(axis=1)
         within &= self._leaf(points) >= 0
-        return np.where(within, self.ground.material_at(points), -1)
+        return np.where(within, np.maximum(self.ground.material_at(points), -1), -1)
 
     def placed(self, points: Floats, cells: Ints | None = None) -> tuple[Ints, Floats]:
         """Return the agents in or on which points (m) lie, or those near, and places in edges."""
@@ -200,9 +200,10 @@ class CutAgents(PairAgents):
 
     @cached_property
     def along(self) -> dict[str, HoopStress]:
-        """The stresses along every named outline, scaled."""
-        regions = enumerate(self.ground.asked.body.regions)
-        return {one.name: HoopStress.along(self.opinions, k) for k, one in regions if one.name}
+        """The stresses along every named outline but those of rigid regions, scaled."""
+        named = {k: one.name for k, one in enumerate(self.ground.asked.body.regions) if one.name}
+        free = [k for k in named if k not in self.ground.rigid]
+        return {named[k]: HoopStress.along(self.opinions, k) for k in free}
 
     def remarks(self, asked: Stress | Deflection | None) -> list[str]:
         """Return notes on parts that hang on nothing, and on peaks that are not well known."""

@@ -77,6 +77,14 @@ class CutField:
         """What the squares of which are twice the energies."""
         return np.asarray(np.einsum("nij,nj->ni", self.root, self.own) + self.beside)
 
+    def _there(
+        self, leaf: Ints, points: Floats, law: Ints | None = None
+    ) -> tuple[Flags, Ints, Floats]:
+        """Tell which leaves hold any of the mesh; there, triangle and shares of each point."""
+        some = np.isin(leaf, self.mesh.leaf)
+        own = None if law is None else law[some]
+        return some, *self.mesh.holding(leaf[some], points[some], own)
+
     def energies(self, leaves: int) -> Floats:
         """Return twice the energy of each leaf."""
         return np.asarray(np.bincount(self.mesh.leaf, (self.felt**2).sum(axis=1), leaves), float)
@@ -125,17 +133,21 @@ class CutFitting(CutField):
 
     def displacement_at(self, leaf: Ints, points: Floats) -> Floats:
         """Return the displacement at points of leaves, (n, 2); beyond the body that beside it."""
-        triangle, share = self.mesh.holding(leaf, points)
+        out = np.zeros((len(points), 2))  # beside what is rigid nothing moves
+        some, triangle, share = self._there(leaf, points)
         values = np.concatenate([share, 4.0 * share * np.roll(share, -1, axis=1)], axis=1)
-        return np.asarray(np.einsum("nk,nkd->nd", values, self.own[triangle].reshape(-1, 6, 2)))
+        out[some] = np.einsum("nk,nkd->nd", values, self.own[triangle].reshape(-1, 6, 2))
+        return out
 
     def strain_at(self, leaf: Ints, points: Floats, law: Ints) -> Floats:
-        """Return the strain (xx, yy, 2 xy) at points of leaves, (n, 3).
+        """Return the strain (xx, yy, 2 xy) at points of leaves, (n, 3); NaN where none is known.
 
         On or beside an outline that in what is of one law.
         """
-        triangle, share = self.mesh.holding(leaf, points, law)
-        return np.asarray(np.einsum("nc,nca->na", share, self.values[triangle, 0]))
+        out = np.full((len(points), 3), np.nan)
+        some, triangle, share = self._there(leaf, points, law)
+        out[some] = np.einsum("nc,nca->na", share, self.values[triangle, 0])
+        return out
 
     def stresses(self) -> Floats:
         """Return the mean stress of each triangle."""
@@ -202,10 +214,9 @@ class Balancing(CutField):
     def stress_at(self, leaf: Ints, points: Floats, law: Ints) -> Floats:
         """Return the stress (xx, yy, xy) that balances at points of leaves, (n, 3); else NaN."""
         out = np.full((len(points), 3), np.nan)
-        some = np.flatnonzero(np.isin(leaf, self.mesh.leaf))
-        triangle, share = self.mesh.holding(leaf[some], points[some], law[some])
+        some, triangle, share = self._there(leaf, points, law)
         # the third that lies along the edge away from the least share
-        rows, least = np.arange(len(some)), share.argmin(axis=1)
+        rows, least = np.arange(len(triangle)), share.argmin(axis=1)
         third, other = (least + 1) % 3, (least + 2) % 3
         of = np.stack([share[rows, third], share[rows, other], 3.0 * share[rows, least]], axis=1)
         of[:, :2] -= share[rows, least, None]

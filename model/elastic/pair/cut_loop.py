@@ -26,6 +26,7 @@ from kaju.model.outline.leaf_triangles import VagueError, leaf_triangles
 from kaju.model.outline.posed_outlines import SIDES, OutlinedBody, UnlikeError, check_alone
 from kaju.model.outline.true_shapes import SLIGHT, UNIT, covering
 from kaju.model.scene import Scene
+from kaju.model.scene.cell_types import INSIDE
 
 from .cut_agents import CutAgents
 from .cut_pair import CutPair
@@ -41,7 +42,7 @@ def peak_asked(scene: Scene, goal: AskedFor | None) -> Stress | Deflection | Non
     """Return what `goal` asks for within true outlines; none for the energy norm."""
     if goal is None:
         return None
-    named = [region.name for region in scene.body.regions if region.name is not None]
+    named = [one.name for one in scene.body.regions if one.name and one.material != INSIDE]
     free = [side for side in SIDES if scene.side_condition(side).kind == "free"]
     one = goal[0] if isinstance(goal, list) and len(goal) == 1 else goal
     along = isinstance(one, str) and (one in named or one not in SIDES)
@@ -49,6 +50,8 @@ def peak_asked(scene: Scene, goal: AskedFor | None) -> Stress | Deflection | Non
     at = getattr(first, "at", None)
     near = suggestion(at, [*named, *free]) if isinstance(at, str) else ""
     wrong = f"{brief(one)} cannot be asked for{near}"
+    if any(one.name == at and one.material == INSIDE for one in scene.body.regions):
+        wrong = f"{at!r} is rigid, and has no stress"
     if more:
         wrong = f"one goal at a time, got {len(more) + 1}"
     elif isinstance(first, Deflection) and at in [*SIDES]:

@@ -241,6 +241,7 @@ class Border:
                 traction[on, axis] += pull.mean(axis=1)
                 tilt[on, axis] = 0.5 * (pull[:, 1] - pull[:, 0])
         outline = _outline_of(at, side < 0, along)
+        held[np.isin(outline, [*body.rigid])] = True
         outward = np.stack([run[:, 1], -run[:, 0]], axis=1) / length[:, None]
         for one in body.outlines:
             on = outline == one.region

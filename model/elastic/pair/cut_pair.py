@@ -57,8 +57,8 @@ class CutPair:
         at = every.find(leaves.lower)
         held = np.isin(np.arange(len(every)), at)
         bodies = [leaf_triangles(body.true, every, held, most) for most in (True, False)]
-        # agents that hold nothing of the body are none
-        filled = np.isin(at, bodies[0][1].leaf)
+        # agents that hold nothing of either body are none
+        filled = np.isin(at, np.concatenate([one[1].leaf for one in bodies]))
         leaves, at = leaves.only(filled), at[filled]
         row = np.full(len(every), -1)
         row[at] = np.arange(len(at))
@@ -80,12 +80,13 @@ class CutPair:
         self.displacement_at = self.fitting.displacement_at
         both = self.fitting, self.balancing
         self.area = np.stack([np.bincount(one.mesh.leaf, one.area, n) for one in both])
-        # the material that has most of each
-        part = np.zeros((n, len(laws)))
-        np.add.at(part, (meshes[0].leaf, meshes[0].law), self.fitting.area)
+        # the material that has most of each; the last column is of laws between two materials
         own = body.own_laws
-        number = np.array([own.index(law) if law in own else -1 for law in laws])
-        self.leaves = replace(leaves, kind=number[np.where(number < 0, -1.0, part).argmax(axis=1)])
+        part = np.zeros((n, len(own) + 1))
+        for field, its in zip(both, self.laws, strict=True):
+            number = np.array([own.index(law) if law in own else -1 for law in its])
+            np.add.at(part, (field.mesh.leaf, number[field.mesh.law]), field.area)
+        self.leaves = replace(leaves, kind=part[:, :-1].argmax(axis=1))
         fitted, balanced = self.fitting.energies(n), self.balancing.energies(n)
         between = np.maximum(self.area[0] - self.area[1], 0.0)
         stored, (within, beyond) = body.bands()
@@ -122,7 +123,7 @@ class CutPair:
         points = 0.5 * (own.corners + own.corners.mean(axis=2, keepdims=True))
         stress = 0.5 * (own.values + own.values.mean(axis=2, keepdims=True)) + own.bearing(points)
         leaf, law = np.repeat(mesh.leaf, 9), np.repeat(mesh.law, 9)
-        strain = self.fitting.strain_at(leaf, points.reshape(-1, 2), law)
+        strain = np.nan_to_num(self.fitting.strain_at(leaf, points.reshape(-1, 2), law))
         work = (stress.reshape(-1, 3) * strain).sum(axis=1) * np.repeat(own.area / 9.0, 9)
         return np.asarray(np.bincount(leaf, work, len(self.leaves)), dtype=np.float64)
 
@@ -134,11 +135,11 @@ class CutPair:
             total = np.zeros((len(self.leaves), 3))
             np.add.at(total, field.mesh.leaf, field.area[:, None] * field.stresses())
             found.append(total)
-        fitted = found[1] / self.area[0][:, None]
+        some = [area[:, None] > 0.0 for area in self.area]  # else it is what the other one says
         with np.errstate(divide="ignore", invalid="ignore"):
-            balanced = found[0] / self.area[1][:, None]
-        some = self.area[1][:, None] > 0.0  # else nothing balances there
-        return tensors(np.where(some, balanced, fitted)), tensors(fitted)
+            balanced, fitted = found[0] / self.area[1][:, None], found[1] / self.area[0][:, None]
+        balanced, fitted = np.where(some[1], balanced, fitted), np.where(some[0], fitted, balanced)
+        return tensors(balanced), tensors(fitted)
 
     def stresses_at(self, leaf: Ints, places: Floats) -> tuple[Floats, Floats]:
         """Return tensors of the stress that balances and of the strain that fits, at places."""
@@ -147,6 +148,7 @@ class CutPair:
         strain = self.fitting.strain_at(leaf, places, law)
         fitted = np.einsum("na,nab->nb", strain, np.array([one.stiffness for one in own])[material])
         balanced = self.balancing.stress_at(leaf, places, law)
+        fitted = np.where(np.isfinite(fitted), fitted, balanced)
         return tensors(np.where(np.isfinite(balanced), balanced, fitted)), tensors(fitted)
 
     def reactions(self) -> dict[str, Floats]:
@@ -157,6 +159,9 @@ class CutPair:
         own = self.balancing.stress_at(mesh.leaf[border.owner], middle, mesh.law[border.owner])
         borne = np.where(border.held, np.einsum("nab,nb->na", tensors(own), border.outward), 0.0)
         sides = enumerate(SIDES)
-        return {
+        found = {
             name: borne[border.side == k].sum(axis=0) for k, name in sides if name in self.body.held
         }
+        for which, name in self.body.rigid.items():
+            found[name] = found.get(name, 0.0) + borne[border.outline == which].sum(axis=0)
+        return found

@@ -161,7 +161,15 @@ class Sheets:
         rest[:, 0] = around[:, 0] + (
             often * (self.jumps_by[:, 0] + at @ self.jumps_by[:, 1:].T)
         ).sum(axis=1)
-        self.unbalanced = float(np.abs(rest[self.closed]).max(initial=0.0)) / self.forces
+        # What the outer border bears goes to holes of its part that are held, if there are any.
+        self.left_by = -rest
+        self.left_by[:, 0] += (rest[:, 1:] * at).sum(axis=1)
+        # It passes all its cuts in one sense.
+        self.left_by *= np.sign(often.sum(axis=1, keepdims=True))
+        part, borne = self.part[self.begins], np.zeros((self.part.max() + 1, 3), dtype=np.bool_)
+        np.logical_or.at(borne, part[self.cuts], ~self.closed[self.cuts])
+        known = self.closed & (self.hole[:, None] | ~borne[part])
+        self.unbalanced = float(np.abs(rest[known]).max(initial=0.0)) / self.forces
         """Share of all forces by which those on a part of the body do not balance."""
 
     def way(self, more: Entries, others: int = 0) -> tuple[sp.csr_array, Ints, Floats]:
@@ -232,8 +240,9 @@ class Sheets:
         entries = self._as_known(self.jump + 3 * cut + given, self.jumps_by[cut, given])
         for outer, k in np.argwhere(self.closed & ~self.hole[:, None]).tolist():
             left = np.flatnonzero((part[self.cuts] == part[outer]) & ~shut[:, k])
-            # All together they are none: the last is less than none by the others.
+            # All together they are known: the last is what the others leave.
             row = self.jump + 3 * left + k
+            entries += self._as_known(row[-1:], np.repeat(self.left_by[outer, k], len(row[-1:])))
             fixed[row[-1:]] = len(left) == 1
             entries.append((np.repeat(row[-1:], max(len(row) - 1, 0)), row[:-1], -1.0))
         return entries

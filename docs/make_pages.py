@@ -19,7 +19,7 @@ from typing import Any
 import lesson_runs
 import numpy as np
 from lesson_measures import answers
-from lesson_texts import HEADINGS, ORDER, Lesson, Question, lesson
+from lesson_texts import HEADINGS, ORDER, Lesson, Question, lesson, plain
 from matplotlib.figure import Figure
 
 from kaju import FractureModel, GrowthModel, export_page, load_scene, plot
@@ -39,6 +39,7 @@ def page_lesson(of: Lesson) -> dict[str, Any]:
     return {
         "key": of.name,
         "index": "index.html",
+        "intro": {k: plain(text.sections["What is it?"]) for k, text in of.texts.items()},
         "curves": of.curves or None,
         "presets": [
             {
@@ -110,7 +111,7 @@ def tolerance(kind: dict[str, Any], field: int, value: float) -> float:
 
 def make_lesson(of: Lesson, folder: Path) -> list[Path]:
     """Write the pages of a lesson into a folder; return them."""
-    shown = HEADINGS["en"][1:3]  # the others would answer the questions
+    shown = HEADINGS["en"][:3]  # the others would answer the questions
     title = {k: text.title for k, text in of.texts.items()}
     words = {k: text.words(*shown) for k, text in of.texts.items()}
     told = page_lesson(of)

@@ -277,7 +277,7 @@ def elastic_answer(result: ElasticResult) -> Motion:
     shown = Motion(
         **_apart(family.lower[:, None] + family.size[:, None, None] * corner_order(dimension)),
         at=np.arange(float(count)),
-        along="step",
+        along="generation",
         values=values,
         moved=moved.reshape(count, -1, dimension),
         born=rows["spawn_step"].astype(np.int64),

@@ -179,7 +179,7 @@ def test_agents_cut_by_an_outline_spawn_one_generation_after_another(shown):
     result = solve(plate_with_a_hole(), tolerance=0.04)
     page = shown(result)
     assert len(result.generations) == page.js("page.at.length") > 1
-    assert page.js("page.along") == "step"
+    assert page.js("page.along") == "generation"
     assert "balance" not in page.text(".verdict")  # said of the prescribed rule alone
     for number, found in enumerate(result.generations):
         page.js(f"page.goTo({number})")

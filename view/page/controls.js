@@ -103,6 +103,12 @@ export function slider(label, options, change) {
 
 const PIECES = /\*\*(.+?)\*\*|\*(.+?)\*|`([^`]+)`|\[([^\]]+)\]\(([^)\s]+)\)/g;
 
+/** A link: pages beside this one share one other tab, and the page that is shown is marked. */
+function linkTo(to, textContent) {
+  const here = location.pathname.endsWith(`/${to}`);
+  return make("a", { href: to, textContent, target: here || self !== top ? "" : to.includes(":") ? "_blank" : "kaju", ...(here ? { ariaCurrent: "page" } : {}) });
+}
+
 /** Words with **bold**, *emphasis*, `code` and [links](to pages). */
 export function inline(words) {
   const list = [], text = words.replace(/(\d) (?=(?:[GMkmµn]?(?:Pa|J|N)|[kcmµn]?m|s|%)(?!\w))/g, "$1\u00a0").replace(/\((\d+), (\d+)\)/g, "($1,\u00a0$2)");   // a number and its unit stay in one line, and a cell
@@ -110,7 +116,7 @@ export function inline(words) {
   for (const found of text.matchAll(PIECES)) {
     const [all, bold, emphasis, code, name, to] = found;
     list.push(text.slice(at, found.index));
-    if (name !== undefined) list.push(/^(https?:|[\w./#-]+$)/.test(to) ? make("a", { href: to, textContent: name, target: self === top ? "_blank" : "", rel: "noopener" }) : name);
+    if (name !== undefined) list.push(/^(https?:|[\w./#-]+$)/.test(to) ? linkTo(to, name) : name);
     else list.push(make(bold ? "strong" : emphasis ? "em" : "code", {}, ...(code ? [code] : inline(bold ?? emphasis))));
     at = found.index + all.length;
   }

@@ -47,7 +47,7 @@ function paintBars(page, view, cuts, box, upright) {
     }
   }
   rows.forEach((at, n) => {
-    const ends = upright ? [[view.x0, P(at + 0.5)], [box.x + long + 4, P(at + 0.5)]] : [[P(at + 0.5), view.y0 - u * view.height], [P(at + 0.5), box.y + box.h]], [hx, hy] = upright ? [view.x0 + u * view.width + 16, ends[0][1]] : [ends[0][0], view.y0 + 26];
+    const ends = upright ? [[view.left, P(at + 0.5)], [box.x + long + 4, P(at + 0.5)]] : [[P(at + 0.5), view.y0 - u * view.height], [P(at + 0.5), box.y + box.h]], [hx, hy] = upright ? [view.right + 16, ends[0][1]] : [ends[0][0], view.y0 + 26];
     ctx.strokeStyle = n === chosen ? inks.ink : inks.soft; ctx.lineWidth = n === chosen ? 2.5 : 1.5; ctx.setLineDash(n === chosen ? [] : [5, 4]);
     ctx.beginPath(); ctx.moveTo(...ends[0]); ctx.lineTo(...ends[1]); ctx.stroke(); ctx.setLineDash([]);
     ctx.fillStyle = n === chosen ? inks.wash : inks.paper; ctx.strokeStyle = inks.ink; ctx.lineWidth = 1.5;
@@ -106,11 +106,10 @@ function under(page, { offsetX, offsetY }) {
   const near = rows.map((at) => Math.abs(at + 0.5 - x)), n = near.indexOf(Math.min(...near));
   return { at: Math.max(0, Math.min(shape[axis] - 1, Math.floor(x))), n: near[n] < Math.max(0.7, 14 / view.u) ? n : -1 };
 }
-const renew = (page) => { page.past.note(); page.later(); };
 function addCut(page, at) {
   const cuts = placed(page);
   cuts.chosen = cuts.rows.push(at) - 1;
-  renew(page);
+  page.set("cuts", page.look.cuts);
 }
 
 MODES.push({
@@ -130,10 +129,13 @@ MODES.push({
   draw(page) {
     const { canvas: { clientWidth: w, clientHeight: h }, t } = page, upright = loadAxis(page.scene).axis === 1, cuts = balanceOf(page), side = upright ? Math.min(0.44 * w, 300) : Math.min(0.34 * h, 200);
     const { rule, scale, small } = bothOf(page, "along");
-    const top = upright && w < 520 ? 34 : 0;     // for the words, which on a phone stand above the body
-    page.drawBody({ x: upright ? 20 : 0, y: top, w: w - (upright ? side + 20 : 0), h: h - (upright ? top : side) }, rule.map((v) => (v > small ? v : NaN)), scale);
-    paintNumbers(page.view, page.inks);
-    if (cuts.length) paintBars(page, page.view, cuts, upright ? { x: w - side + 20, w: side - 48, y: 0, h } : { x: 0, w, y: h - side + 24, h: side - 44 }, upright);
+    const top = upright && w < 520 ? 34 : 0, [nx, ny] = page.run.lattice.shape, across = w - (upright ? side + 20 : 0);   // on a phone words stand above the body
+    const n = top ? Math.min(nx, Math.max(5, Math.floor((across - 72) * ny / Math.max(60, h - top - 92)))) : nx, from = Math.max(0, Math.min(nx - n, page.scene.loads[0].cell[0] - (n >> 1)));   // and only columns at the load, so that rows are as high as they can be
+    page.drawBody({ x: upright ? 20 : 0, y: top, w: across, h: h - (upright ? top : side), window: [from, 0, n, ny] }, rule.map((v) => (v > small ? v : NaN)), scale);
+    const { view, view: { ctx } } = page;
+    if (n < nx) { ctx.clearRect(0, 0, view.left, h); ctx.clearRect(view.right, view.y0 - view.u * ny, w, h); }
+    paintNumbers(view, page.inks);
+    if (cuts.length) paintBars(page, view, cuts, upright ? { x: w - side + 20, w: side - 48, y: 0, h } : { x: 0, w, y: h - side + 24, h: side - 44 }, upright);
     const kept = cuts.every(({ carried, needed }) => Number.isNaN(needed) || Math.abs(carried - needed) <= 1e-9 * Math.abs(needed));
     const [cut, say, where] = page.cutCards, { rows, chosen } = placed(page), read = cuts.find(({ at }) => at === rows[chosen]);
     if (read) page.parts.cap.textContent = page.told || `${t("rowOf", { n: read.at })}: ${t("theRule")} ${inOneUnit(read.carried, read)}${page.ruleAlone ? "" : `, ${t("elastic")} ${inOneUnit(read.elastic, read)}`}`;
@@ -143,9 +145,10 @@ MODES.push({
   },
   double: (page, event) => addCut(page, under(page, event).at),
   press(page, event) {
-    const { n, at } = under(page, event), { rows } = placed(page);
-    if (n < 0) return false;
-    page.look.cuts.chosen = n; rows[n] = at; page.hold = { cut: n };
+    const { n, at } = under(page, event), cuts = placed(page);
+    if (n < 0 && event.pointerType !== "touch" && page.view.cellAt(event.offsetX, event.offsetY)) return false;   // a cell is read
+    if (n >= 0) cuts.chosen = n;
+    cuts.rows[cuts.chosen] = at; page.hold = { cut: cuts.chosen };
     page.later();
     return true;
   },
@@ -162,7 +165,7 @@ MODES.push({
     else if (event.key === "Delete" && rows.length > 1) { rows.splice(cuts.chosen, 1); cuts.chosen = 0; }
     else if (event.key.toLowerCase() === "c") cuts.chosen = (cuts.chosen + 1) % rows.length;
     else return false;
-    renew(page);
+    page.set("cuts", page.look.cuts);
     return true;
   },
 });

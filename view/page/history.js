@@ -75,7 +75,7 @@ export class Recorded {
     this.kinds = L.kinds(cells, scene.sides);
     this.C = scene.rule?.sense ? 2 * L.D : L.D;
     this.spawn = new Int32Array(L.size); this.woken = new Uint8Array(L.size);
-    this.taken = new Log(new Uint32Array(256), new Float64Array(256));
+    this.taken = new Log();
     this.alive = []; this.waits = []; this.agents = 0; this.generation = 0;
     this.atRest = true;
   }

@@ -9,8 +9,9 @@ export const STEPS = ["predict", "step", "explain", "try"];
 const MOST_LETTERS = 2000, SMALL = 4;              // of an answer; so many generations have a small picture
 
 export class Lesson {
-  constructor(page, { key, index, opens, curves, questions, teacher, presets }) {
-    Object.assign(this, { page, key, minutes: (questions ?? []).reduce((sum, q) => sum + (q.minutes ?? 0), 0), index, opens, curves, was: opens ?? 0, notes: teacher, questions: questions ?? [], answers: {}, guesses: {}, firsts: {}, done: [], at: -1, step: "predict", teacher: false, shown: "guess", pen: 1 });
+  constructor(page, { key, index, intro, opens, curves, questions, teacher, presets }) {
+    Object.assign(this, { page, key, intro, minutes: (questions ?? []).reduce((sum, q) => sum + (q.minutes ?? 0), 0), index, opens, curves, was: opens ?? 0, notes: teacher, questions: questions ?? [], answers: {}, guesses: {}, firsts: {}, done: [], at: -1, step: "predict", teacher: false, shown: "guess", pen: 1 });
+    this.several = page.presets.length > 1 || /\.html\)/.test(JSON.stringify(this.questions));   // bodies, each with colours of its own
     (presets ?? []).forEach((names, n) => { if (page.presets[n]) Object.assign(page.presets[n], { ...names, word: "" }); });
     this.read();
     addEventListener("storage", ({ key }) => { if (key === this.place) { this.read(); page.rebuild(); } });   // answers typed in another page of the lesson
@@ -161,12 +162,11 @@ const numberIn = (typed, unit, text = typed.replace(/^[^=]*=|^\s*\p{L}{3,}\s+|^\
 const isRight = ({ answer, tolerance = 0 }, v) => Math.abs(v - answer) <= tolerance * (1 + 1e-9) + 1e-12 * Math.abs(answer);
 /** Whether a question may be answered by a drawing on paper. */
 const mayDraw = (q) => q.draws && q.kind === "text";
-const awakeAt = ({ run: { spawn, lattice } }, g) => Float64Array.from({ length: lattice.size }, (_, k) => (spawn[k] > 0 && spawn[k] <= g ? 1 : NaN));
 
 /** The body with a guess, with what happened, or both: marks differ in form, never in colour alone. */
 function paintGuess(lesson, view, g, inks, what) {
-  const { page } = lesson, { run } = page, { ctx, u } = view;
-  paintCells(view, run.kinds, awakeAt(page, what === "guess" ? 0 : g), { low: 0, high: 1 }, inks, { tone: inks.awake });
+  const { page: { run } } = lesson, { ctx, u } = view, until = what === "guess" ? 0 : g;
+  paintCells(view, run.kinds, Float64Array.from(run.spawn, (at) => (at > 0 && at <= until ? 1 : NaN)), { low: 0, high: 1 }, inks, { tone: inks.awake });
   const at = (k) => view.at(...view.centre(run.lattice.cell(k))), r = Math.max(2, 0.33 * u), each = (list, paint) => list.forEach((k) => paint(...at(k), k));
   ctx.lineCap = "round"; ctx.lineJoin = "round";
   if (what === "guess") {
@@ -265,7 +265,7 @@ export function lessonSide(page) {
 function questionCards(lesson, q) {
   const { page } = lesson, { t } = page, say = (text) => page.say(text);
   const head = make("p", { className: "soft small" }, icon("clock"), t("questionOf", { n: lesson.at + 1, m: lesson.questions.length, t: q.minutes ?? "–" }));
-  const list = [head, make("h2", { className: "question" }, ...inline(say(q.question)))];
+  const list = [head, ...(lesson.intro && q.step === "predict" ? [rendered(say(lesson.intro))] : []), make("h2", { className: "question" }, ...inline(say(q.question)))];
   if (q.note) list.push(rendered(say(q.note)));
   const [guess] = lesson.questions, said = [lesson.answers[guess.key] ?? []].flat().join(", ");
   if (q.recalls && said) list.push(make("p", { className: "recalled", textContent: t("youGuessed", { x: `${said} ${say(guess.fields?.[0].unit) ?? ""}` }) }));
@@ -343,7 +343,7 @@ function paperOf(page) {
   const answers = lesson.teacher ? [make("div", { className: "teachers" }, make("h1", { textContent: `${t("answers")}: ${page.say(page.title)}` }),
     ...lesson.questions.map((q, i) => make("section", {}, make("b", { className: "number", textContent: i + 1 }), make("div", { className: "asked" }, ...solution(page, q)))),
     ...(lesson.notes ? [rendered(page.say(lesson.notes))] : []))] : [];
-  return [head, ...(page.scene?.rule?.kind === "prescribed" ? [ruleBox(page)] : lesson.questions.some((q) => q.draws === true && mayDraw(q)) ? [] : [bodyOf(page)]), ...questions, foot, ...answers];
+  return [head, ...(lesson.intro ? [rendered(page.say(lesson.intro))] : []), ...(page.scene?.rule?.kind === "prescribed" ? [ruleBox(page)] : lesson.questions.some((q) => q.draws === true && mayDraw(q)) ? [] : [bodyOf(page)]), ...questions, foot, ...answers];
 }
 
 function loadWords({ scene }) {

@@ -59,7 +59,6 @@ export class MotionPage extends Page {
     const { extent } = this, far = this.scale("move").far;
     return far > 0.5 * SHOWN * extent || !far ? 1 : roundDown(SHOWN * extent / far);
   }
-  get touchable() { return false; }
   get deformable() { return Boolean(this.moved); }
   get colours() { return [...Object.keys(this.units), ...(this.moved ? ["move"] : [])]; }
   unitOf(name) { return name === "move" ? "m" : this.units[name]; }
@@ -134,7 +133,7 @@ export class MotionPage extends Page {
       ctx.strokeStyle = inks.paper; ctx.lineWidth = 5; ctx.beginPath(); ctx.arc(x, y, 9, 0, 7); ctx.stroke();
       ctx.strokeStyle = inks.ink; ctx.lineWidth = 2; ctx.stroke();
     }
-    if (scale) paintLegend(view, scale, this.word(look.colour), t(scale.log ? "log" : "linear"), (v) => quantity(v, this.unitOf(look.colour)), inks);
+    if (scale) paintLegend(view, scale, this.word(look.colour), this.kindOf(scale), (v) => quantity(v, this.unitOf(look.colour)), inks);
     const level = this.visits[this.g], block = Array(this.dimension).fill(2 ** level).join("×");
     this.parts.cap.textContent = this.told || [level > 0 && t("parents", { n: block }), this.times && Math.abs(this.times - 1) > 1e-9 && t("magnified", { n: quantity(this.times, "") }), this.lesson && t("measures", { s: this.sides.map((side) => quantity(Number(side.toPrecision(3)), "m")).join(" × ") }), this.lesson && this.corners === 2 && t("heldMark"), this.corners === 2 && this.breaking.length > 0 && t("breaksNow")].filter(Boolean).join(" · ");
   }

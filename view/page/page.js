@@ -145,7 +145,6 @@ export class Page {
     if (!quiet) this.past.note();
     this.rebuild();
   }
-  setStage(stage) { this.stage = stage; this.change(() => {}); }
   scaleLoads(factor) {
     this.scene.loads.forEach((load) => { load.force = load.force.map((f) => f * factor / this.factor); });
     this.factor = factor;
@@ -309,14 +308,15 @@ export class Page {
     this.loads.paint(view);
     if (this.picked >= 0) paintPick(view, L.cell(this.picked), inks);
     if (part.window) view.ctx.clearRect(0, view.h - 52, view.w, 52);
-    if (!box.w && !this.lesson?.secret) paintLegend(view, scale, this.word(look.colour), t(scale.log ? "log" : "linear"), (v) => quantity(v, UNITS[look.colour]), inks);
+    if (!box.w && !this.lesson?.secret) paintLegend(view, scale, this.word(look.colour), this.kindOf(scale), (v) => quantity(v, UNITS[look.colour]), inks);
     const scaled = moved ? t("magnified", { n: quantity(factor, "") }) : run.grown && this.g >= run.generation ? t("grown") : run.atRest && !run.generation ? t("nothing") : "";
     const ruled = this.deformable && !box.w && moved ? t("keepsNone") : "";   // beside cuts a card says so
-    const scales = !box.w && this.lesson && this.lesson.step !== "predict" && this.touchable && this.presets.length > 1 && !this.mode ? t("ownScale") : "";
     const sensed = look.arrows && !box.w && run.C > L.D ? t("arrowKey") : "";
     const read = this.picked >= 0 && storyOf(this, this.picked), took = read ? `(${read.cell.join(", ")}): ${t("took")} ${quantity(read.total, "N")}` : "", asked = this.lesson?.question?.show?.rule ? `${t("agents")}: ${run.alive[this.g - 1] ?? 0}` : "";   // on a phone the panel is a long way down
-    this.parts.cap.textContent = this.told || [asked, took, scaled, ruled, sensed, scales].filter(Boolean).join(" · ");
+    this.parts.cap.textContent = this.told || [asked, took, scaled, ruled, sensed].filter(Boolean).join(" · ");
   }
+  /** What a legend says of its scale: in a lesson also that other examples have another. */
+  kindOf({ log }) { return this.t(log ? "log" : "linear") + (this.lesson?.several ? ` · ${this.t("ownScale")}` : ""); }
   words() {
     const { run, t, parts, g } = this, done = this.over;
     this.tellTime(this.limit < run.generation ? t("generationOnly", { g }) : t(done ? "generation" : "running", { g, n: run.generation }));
@@ -404,7 +404,7 @@ export class Page {
   // -------------------------------------------------------------------------- mouse and keys
   press(event) {
     const { view } = this;
-    this.canvas.setPointerCapture(event.pointerId);
+    this.canvas.setPointerCapture(event.pointerId); this.parts.tip.hidden = true;
     if (this.mode?.press?.(this, event)) return;
     if (this.solid) { this.hold = { x: event.clientX, y: event.clientY, ...this.look.camera }; return; }
     const grip = this.touchable && this.pen === "look" ? this.loads.grip(event) : null;
@@ -443,7 +443,7 @@ export class Page {
     if (tip.hidden) return;
     tip.textContent = [`(${cell.join(", ")})`, ...lines].join("\n");
     tip.style.left = `${x > w - 150 ? Math.max(0, x - 14 - tip.offsetWidth) : x + 14}px`;
-    tip.style.top = `${y > h - 60 ? y - 12 - tip.offsetHeight : y + 12}px`;
+    tip.style.top = `${y > h - 66 - tip.offsetHeight ? y - 12 - tip.offsetHeight : y + 12}px`;   // off the legend
   }
   /** Read a cell's story, or draw it, as the pen says. */
   touch(cell) {

@@ -50,7 +50,7 @@ export class View {
     const [wx, wy, ww, wh] = window ?? [0, 0, this.width, this.height], across = bw ?? w, up = bh ?? h;
     this.u = Math.max(0.1, Math.min((across - 2 * margin) / ww, (up - 2 * margin - foot) / wh));
     if (this.u > 8) this.u = Math.floor(this.u);             // cells of whole pixels
-    this.x0 = Math.round(x + (across - this.u * ww) / 2 - this.u * wx);
+    this.x0 = Math.round(x + (across - this.u * ww) / 2 - this.u * wx); this.left = this.x0 + this.u * wx; this.right = this.left + this.u * ww;
     this.y0 = Math.round(y + (up - foot + this.u * wh) / 2 + 0.6 * margin + this.u * wy);
   }
   /** The corners of a cell of a size about a point, all in pixels. */
@@ -179,7 +179,7 @@ export function paintNumbers({ ctx, u, lattice: L, ...view }, inks) {
   const row = L.hexagon ? ROWS : 1;
   for (const j of some(ny)) ctx.fillText(j, Math.max(18, view.x0 - 12), view.y0 - u * row * (j + 0.5));
   ctx.textAlign = "center";
-  for (const i of some(nx)) ctx.fillText(i, view.x0 + u * (i + 0.5), Math.min(view.h - 8, view.y0 + 20));
+  for (const i of some(nx)) if (view.x0 + u * i >= view.left - 1 && view.x0 + u * i < view.right) ctx.fillText(i, view.x0 + u * (i + 0.5), Math.min(view.h - 8, view.y0 + 20));
 }
 
 function paintGaps(view, inks) {

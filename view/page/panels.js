@@ -56,7 +56,7 @@ export function buildFooter(page) {
     parts.play, iconButton("step", t("step"), () => page.seek(page.g + 1)), iconButton("last", t("last"), () => page.seek(Infinity), { className: "icon end" }),
     make("span", { className: "line" }, parts.time, parts.marks), parts.count);
   if (page.stages > 1) {
-    const select = make("select", { ariaLabel: t("stage"), onchange: () => page.setStage(Number(select.value)) },
+    const select = make("select", { ariaLabel: t("stage"), onchange: () => page.change(() => { page.stage = Number(select.value); }) },
       ...Array.from({ length: page.stages }, (_, i) => make("option", { value: i + 1, textContent: t("stageOf", { n: i + 1, m: page.stages }) })));
     select.value = page.stage;
     footer.append(select);

@@ -27,8 +27,7 @@ export function tomlOf(scene, cells) {
   for (const load of loads) {
     lines.push("[[loads]]", `cell = ${list(load.cell, String)}`, `force = ${list(load.force)}  # N`);
     if (load.steps > 1) lines.push(`steps = ${load.steps}`);
-    lines.push(...sensed(scene, load));
-    lines.push("");
+    lines.push(...sensed(scene, load), "");
   }
   lines.push("[rule]", 'kind = "prescribed"', ...coefficients(rule), `threshold = ${number(rule.threshold)}  # N`,
     `accumulate = ${rule.accumulate}`);
@@ -48,15 +47,13 @@ function sensed({ lattice, rule }, { sense, face }) {   // what decides whether 
 }
 const coefficients = ({ alpha, beta }) => [...(alpha ? [`alpha = ${list(alpha)}`] : []), `beta = ${number(beta)}`];
 
+const NO_MATERIAL = { [-1]: [".", "air"], [-2]: ["=", "rigid"], [-3]: [":", "roller"] };
 function drawn({ lattice: { shape: [nx, ny] }, materials }, cells) {
-  const letter = (kind) => (kind >= 0 ? LETTERS[kind] ?? String.fromCodePoint(0x4e00 + kind) : { [-1]: ".", [-2]: "=", [-3]: ":" }[kind]);
+  const letter = (kind) => NO_MATERIAL[kind]?.[0] ?? LETTERS[kind] ?? String.fromCodePoint(0x4e00 + kind);
   const rows = Array.from({ length: ny }, (_, row) => Array.from({ length: nx }, (_, x) =>
     letter(cells[x * ny + ny - 1 - row])).join(""));
-  const used = new Set(cells), legend = materials.map((m, i) => [i, `${quoted(letter(i))} = ${quoted(m.name)}`])
-    .filter(([i]) => used.has(i)).map(([, line]) => line);
-  if (used.has(-1)) legend.push('"." = "air"');
-  if (used.has(-2)) legend.push('"=" = "rigid"');
-  if (used.has(-3)) legend.push('":" = "roller"');
+  const used = Array.from(new Set(cells)).sort((a, b) => (a < 0) - (b < 0) || a - b);
+  const legend = used.map((kind) => `${quoted(letter(kind))} = ${quoted(NO_MATERIAL[kind]?.[1] ?? materials[kind].name)}`);
   return ['drawing = """', ...rows, '"""', "", "[legend]", ...legend];
 }
 

@@ -85,7 +85,7 @@ function lay(page, event) {                    // snaps to rows and columns
 
 /** Both profiles over the length of the ruler, as a drawing: solid and dots, dashed and squares, half widths marked. */
 function profileChart(page, both, { at, rule, elastic }) {
-  const { t } = page, [w, h, x, y] = [340, 170, 46, 20], lists = [rule, elastic].filter(Boolean), top = Math.max(...lists.map((l) => l.largest), 1e-300), low = Math.min(0, ...lists.flatMap((l) => l.list));
+  const { t } = page, [w, h, x, y] = [340, 170, 46, 20], lists = [rule, elastic].filter(Boolean), top = Math.max(0, ...lists.map((l) => l.largest)) || both.scale.high, low = Math.min(0, ...lists.flatMap((l) => l.list));
   const end = Math.max(...at, page.run.lattice.h), X = (s) => x + (w - x - 12) * s / end, Y = (v) => y + (h - y - 24) * (top - v) / (top - low), parts = [];
   for (const v of ticksOf(low, top, 3)) parts.push(draw("path", { class: "hair", d: `M${x} ${Y(v)}H${w - 12}` }), draw("text", { x: x - 4, y: Y(v) + 4, "text-anchor": "end" }, quantity(v, both.unit)));
   for (const s of ticksOf(0, 100 * end, 4)) parts.push(draw("text", { x: X(s / 100), y: h - 6, "text-anchor": "middle" }, `${s}${s ? "" : " cm"}`));
@@ -100,10 +100,10 @@ function profileChart(page, both, { at, rule, elastic }) {
 function rulerCard(page, both) {
   const { t, look: { twin: { ruler } }, run: { lattice: { h, shape } } } = page, profile = profileOf(page, both), { rule, elastic } = profile;
   const title = t(ruler.axis ? "columnAt" : "rowAt", { x: `${general(100 * h * (ruler.axis ? ruler.at + 0.5 : shape[1] - ruler.at - 0.5), 3)} cm`, n: ruler.axis ? ruler.at + 1 : shape[1] - ruler.at, side: t(ruler.axis ? "left" : "top") });
-  const wide = (half) => (half ? `${general(100 * half.width, 3)} cm (${t("inCells", { n: general(half.width / h, 3) })})` : t("widest")), known = [["theRule", "rule", rule], ["elastic", "elastic", elastic]].filter(([, , one]) => one);
+  const wide = ({ half, largest }) => (half ? `${general(100 * half.width, 3)} cm (${t("inCells", { n: general(half.width / h, 3) })})` : largest > 0 ? t("widest") : "–"), known = [["theRule", "rule", rule], ["elastic", "elastic", elastic]].filter(([, , one]) => one);
   const row = (word, show) => make("tr", {}, make("th", { scope: "row", textContent: t(word) }), ...known.map(([, className, one]) => make("td", { className, textContent: show(one) })));
   const table = make("table", {}, make("tr", {}, make("td"), ...known.map(([word, className]) => make("th", { scope: "col", className, textContent: t(word) }))),
-    row("largestValue", (one) => quantity(one.largest, both.unit)), row("halfWidth", (one) => wide(one.half)), ...(rule.through === null ? [] : [row("throughIt", (one) => quantity(one.through, "N"))]));
+    row("largestValue", (one) => quantity(one.largest, both.unit)), row("halfWidth", wide), ...(rule.through === null ? [] : [row("throughIt", (one) => quantity(one.through, "N"))]));
   page.ruled = `${title} · ${t("halfWidth")}: ${known.map(([word, , one]) => `${t(word)} ${one.half ? t("inCells", { n: general(one.half.width / h, 3) }) : "–"}`).join(", ")}`;
   return [make("h2", { textContent: title }), table, profileChart(page, both, profile)];
 }
@@ -194,7 +194,7 @@ MODES.push({
     const views = twin.views = { rule: paintAnswer(page, canvas, "rule", both) };
     page.view = views.rule;
     const { x0, u } = views.rule, [nx] = page.run.lattice.shape, x = x0 + u * (two.split ??= nx / 2);
-    if (swipe && answer) views.rule.ctx.clearRect(x, 0, views.rule.w, views.rule.y0 + 16);   // elasticity is seen there, through paper that is clear
+    if (swipe && answer) views.rule.ctx.clearRect(x, 0, views.rule.w, Math.min(views.rule.y0 + 16, views.rule.h - 50));   // elasticity is seen there, through paper that is clear
     if (answer) { views.elastic = paintAnswer(page, twin.elastic.firstChild, "elastic", both); if (!twin.gap.hidden) views.gap = paintDifference(page, twin.gap.firstChild, both); }
     page.loads.paint(views.rule);
     for (const view of Object.values(views)) {
@@ -247,19 +247,18 @@ export function askElastic(page) {
   clearTimeout(elastic.asking);
   elastic.worker?.terminate();
   elastic.old = true;
-  elastic.asking = setTimeout(() => { elastic.worker = atWork(page, ({ answer, error }) => take(page, answer, error)); }, elastic.answer ? 60 : 0);
+  elastic.asking = setTimeout(() => { elastic.worker = atWork(page); }, elastic.answer ? 60 : 0);
 }
-/** A worker that answers with elasticity to the scene as it stands. */
-function atWork({ scene, cells, stage }, hear) {
-  const url = URL.createObjectURL(new Blob([ELASTIC], { type: "text/javascript" })), worker = new Worker(url), part = (load) => Math.min(1, stage / load.steps);
-  worker.onmessage = ({ data }) => { URL.revokeObjectURL(url); hear(data); };
+/** A worker that answers a page with elasticity to its scene as it stands. */
+function atWork(page) {
+  const { scene, cells, stage } = page, url = URL.createObjectURL(new Blob([ELASTIC], { type: "text/javascript" })), worker = new Worker(url), part = (load) => Math.min(1, stage / load.steps);
+  worker.onmessage = ({ data: { answer = null, error = "" } }) => {
+    URL.revokeObjectURL(url);
+    Object.assign(page.elastic, { answer, why: error, old: false });
+    page.scales.clear(); page.later();
+  };
   worker.postMessage({ scene, cells, loads: scene.loads.map((load) => ({ ...load, force: load.force.map((f) => f * part(load)) })) });
   return worker;
-}
-function take(page, answer, why) {
-  Object.assign(page.elastic, { answer: answer ?? null, why: why ?? "", old: false });
-  page.scales.clear();
-  page.later();
 }
 /** The axis along which the loads press most, and the sense of their sum on it. */
 export function loadAxis({ loads, lattice }) {

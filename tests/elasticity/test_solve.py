@@ -44,6 +44,14 @@ def test_a_pulled_bar_stretches_as_it_must():
     assert result.reactions["left"][0] == pytest.approx(-1000 * 0.04 * 0.01)
 
 
+def test_a_sheared_bar_leans_evenly_up_to_its_edges():
+    forces = {"top": [0.8, 0.0], "right": [0.0, 0.4], "left": [0.0, -0.4]}  # 1 kPa everywhere
+    loads = [{"side": side, "force": force} for side, force in forces.items()]
+    points = np.array([[0.04, 0.04], [0.08, 0.02], [0.0, 0.01]])
+    moved = solve(bar(sides={"bottom": "rigid"}, loads=loads)).displacement_at(points)
+    np.testing.assert_allclose(moved, 2.5e-3 * points[:, [1]] * [1.0, 0.0], atol=1e-14)
+
+
 def block(**changes):
     """A block of 4 × 3 × 5 cubes of 10 mm, E = 1 MPa and ν = 0.25."""
     scene = {

@@ -254,3 +254,6 @@ def test_millimetres_and_gigapascals_are_asked_about():
     )
     assert any("regions.0' and 'body.regions.1' overlap" in note for note in twice.notes)
     assert "nothing is applied" in wrong.replace(loads=()).notes[0]
+    for wide, told in ((10.0, True), (9.9, False)):  # only small bodies are of foam
+        foam = {"body.size": [wide, wide], "materials.steel.youngs_modulus": 4e5}
+        assert any("is soft" in note for note in wrong.with_overrides(foam).notes) == told

@@ -114,26 +114,8 @@ def compare(count):
             print(json.dumps(report), flush=True)
 
 
-def save(folder):
-    kaju.solve_petsc(random_scene(2)).save(folder)
-
-
-def save_space(folder):
-    kaju.solve_petsc(random_scene(3)).save(folder)
-
-
-def fail():
-    """Fail on the last process only, in the middle of the work."""
-    from kaju.model.scale import solve_petsc
-
-    comm = solve_petsc.communicator()
-    if comm.Get_rank() == comm.Get_size() - 1:
-
-        def broken(*arguments):
-            raise MemoryError("no more of it")
-
-        solve_petsc.rows_on = broken
-    kaju.solve_petsc(plate())
+def save(folder, seed=2):
+    assert kaju.solve_petsc(random_scene(seed)).save(folder) == folder
 
 
 def die(folder):

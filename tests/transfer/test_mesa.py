@@ -123,6 +123,7 @@ def test_sets_of_agents_are_mesas():
     model = stepped()
     agents = material(model)
     assert set(model.agents_by_type) >= {MaterialAgent, FreeBoundaryAgent}
+    assert len(model.space.all_cells) == 7 * 5  # boundary agents stand beside the array
     kept = agents.sort("kept").get("kept")
     assert kept == sorted(kept, reverse=True)
     assert agents.agg("kept", sum) == pytest.approx(0.5 * model.figures()["load_taken"])

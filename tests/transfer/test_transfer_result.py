@@ -34,3 +34,5 @@ def test_a_data_frame_has_a_row_per_agent(result):
     assert frame["taken_-y (N)"].sum() == pytest.approx(result.last.taken[:, 2].sum())
     assert frame.loc[0, ["cell_x", "cell_y", "spawn_step"]].tolist() == [1, 2, 1]
     np.testing.assert_array_equal(frame["stress_yy (Pa)"], result.stress[:, 1, 1])
+    x, y = result.stress[:, [0, 1], [0, 1]].T  # without shear
+    np.testing.assert_allclose(result.von_mises**2, x**2 - x * y + y**2)

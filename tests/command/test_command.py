@@ -123,7 +123,6 @@ def test_demo_runs_the_worked_plate_and_says_where_the_pictures_are(kaju):
 
 
 def python(*words):
-    """What a fresh Python prints."""
     words = [sys.executable, *words]
     return subprocess.run(words, capture_output=True, text=True, check=True).stdout
 

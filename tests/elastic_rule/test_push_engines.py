@@ -47,8 +47,6 @@ def test_both_engines_give_the_same_numbers_to_the_end(make, order):
 
 
 class StubbornAgent(FaceAgent):
-    """Takes but half of its load."""
-
     def due(self, asked):
         return 0.5 * super().due(asked)
 

@@ -37,7 +37,6 @@ def flat(change=None, shape=(24, 20), sides=CLAMPED, plane="stress", force=(0.3,
 
 
 def solid(change=None, shape=(12, 10, 11), sides=CLAMPED):
-    """A block of cubes of 1 cm."""
     kinds = np.zeros(shape, int)
     grid = np.meshgrid(*(np.arange(n) + 0.5 for n in shape), indexing="ij")
     if change:
@@ -86,7 +85,6 @@ def gummy(kinds, x, y):
 
 
 def cavity(kind):
-    """Write a kind into a ball."""
 
     def change(kinds, x, y, z):
         kinds[(x - 7) ** 2 + (y - 5) ** 2 + (z - 5) ** 2 < 8] = kind

@@ -31,12 +31,10 @@ BULB = (
 
 
 def disk(x: float, y: float, radius: float) -> dict[str, Any]:
-    """Return a disk."""
     return {"disk": {"centre": [x, y], "radius": radius}}
 
 
 def slot(start: float, end: float, y: float, radius: float) -> dict[str, Any]:
-    """Return a slot along x."""
     return {"slot": {"ends": [[start, y], [end, y]], "radius": radius}}
 
 

@@ -19,7 +19,6 @@ TEMPLATES = Path(nbconvert.__file__).parents[4] / "share/jupyter"
 
 
 def page_in(html):
-    """The page inside a frame."""
     assert html.startswith("<iframe ")
     return unescape(re.search(r'srcdoc="([^"]*)"', html)[1])
 

@@ -84,7 +84,6 @@ def test_elastic_agents_move_as_they_yield(tmp_path):
 
 @cache
 def cracked():
-    """A plate whose cells break."""
     sides = {"bottom": "rigid", "top": {"displacement": [0.0, 1e-5]}}
     scene = plate(sides=sides, loads=[]).with_region(box=[[0.0, 0.1], [0.04, 0.12]])
     return kaju.FractureModel(scene, strength=1e6, scatter=0.2, seed=1).run()
@@ -92,7 +91,6 @@ def cracked():
 
 @cache
 def torn():
-    """A net whose springs break."""
     network = pulled(jittered(7, 7), displacement=0.1)
     return kaju.FractureModel(network, scatter=0.2, seed=1, most_breaks=9).run()
 

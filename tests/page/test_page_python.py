@@ -104,6 +104,7 @@ def check_alike(page, name, title, code):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SCENES)
 def test_ready_agents_do_in_the_page_what_they_do_in_kaju(opened, pages, name):
     page = opened(pages[name])

@@ -36,6 +36,7 @@ def test_a_held_noodle_gives_on_and_what_flowed_stays(firm, soft):
     assert firm.dent[-1] / firm.deepest[0] < soft.dent[-1] / soft.deepest[0]
 
 
+@pytest.mark.slow  # draws a film of half a minute
 def test_the_script_writes_pictures_and_figures(tmp_path):
     run = script(FOLDER / "run.py")
     summary = run.main(["--out", str(tmp_path), "--rows", "3"])

@@ -70,6 +70,7 @@ def test_another_sweep_is_not_mixed_in(tmp_path):
 
 
 @linux
+@pytest.mark.slow
 def test_killed_it_goes_on_and_leaves_nobody_at_work(tmp_path):
     session = sweep_work.killed(str(tmp_path / "out"))
     deadline = time.monotonic() + 60.0  # a worker that starts has to import first

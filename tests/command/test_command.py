@@ -105,6 +105,7 @@ def test_new_writes_a_scene_that_runs(kaju):
     assert "exists already" in err
     far = ["check", str(EXAMPLES / "lug.toml"), "--set", "loads[0].force=[1e12, 0.0]"]
     assert "a note asks a question" in kaju(*far)[1].splitlines()[-1]
+    assert kaju("check", "mine.toml", "--set", "rule.accumulate=true")[0] == 1  # loads grow
 
 
 def test_figures_are_printed_once_and_without_rounding(kaju):

@@ -11,6 +11,7 @@ from kaju import LoadModel, Reference, compare, load_scene, solve
 from kaju.errors import ParameterError, ResultError, ResultFileError
 
 ROOT = Path(__file__).parents[2]
+ELEMENTS = ROOT / "tests" / "data" / "plate_finite_elements.npz"
 SMALL_HOLE = {"disk": {"centre": [0.035, 0.035], "radius": 0.006}, "material": "air"}
 
 
@@ -31,7 +32,7 @@ def middles(result):
 
 @pytest.fixture(scope="module")
 def elements():
-    return Reference.load(ROOT / "tests/data/plate_finite_elements.npz")
+    return Reference.load(ELEMENTS)
 
 
 @pytest.fixture(scope="module")
@@ -65,6 +66,9 @@ def test_errors_are_shares_of_the_largest_value_of_the_reference():
     assert found.energy_error == pytest.approx(0.5, rel=1e-12)
     assert found.stress.misfit == pytest.approx(0.5, rel=1e-12)
     np.testing.assert_allclose(found.stress.component("yy").ratio, 0.5)
+    beside = points[:9] + 1e-3  # what a reference knows beside middles is compared there
+    known = Reference(beside, result.displacement_at(beside))
+    np.testing.assert_array_equal(compare(result, known).points, beside)
 
 
 def test_the_worked_plate_against_finite_elements(worked, elements):
@@ -108,7 +112,7 @@ def test_a_reference_never_guesses():
     reference = Reference([[0.0, 0.0], [1.0, 0.0]], [[1.0, 2.0], [3.0, 4.0]])
     np.testing.assert_array_equal(reference.displacement_at(np.array([[1.0, 0.0]])), [[3.0, 4.0]])
     with pytest.raises(ResultError, match=r"knows nothing at \(0.5, 0\) m"):
-        reference.displacement_at(np.array([[0.5, 0.0]]))
+        reference.displacement_at(np.array([[1.0, 0.0], [0.5, 0.0]]))
     with pytest.raises(ResultError, match="stress: the reference has none"):
         reference.stress_at(np.array([[1.0, 0.0]]))
     with pytest.raises(ParameterError, match="shape"):
@@ -117,9 +121,6 @@ def test_a_reference_never_guesses():
         Reference([[0.0, 0.0]], [[1.0, 2.0]], [[1.0, 2.0]])
     with pytest.raises(ParameterError, match="finite"):
         Reference([[0.0, 0.0]], [[1.0, np.nan]])
-
-
-ELEMENTS = Path(__file__).parents[1] / "data" / "plate_finite_elements.npz"
 
 
 @pytest.fixture

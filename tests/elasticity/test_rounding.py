@@ -5,6 +5,7 @@ import subprocess
 import sys
 
 import pytest
+from plates import PLATE
 
 import kaju
 
@@ -42,21 +43,11 @@ def test_compiling_is_said_once(tmp_path):
         assert run.stderr.count("kaju compiles its loops") == expected
 
 
-PLATE = """
-import sys
-import kaju
-scene = kaju.Scene(
-    body={"size": [0.2, 0.2], "cells": [20, 20], "thickness": 0.002, "material": "steel"},
-    sides={"bottom": "rigid"},
-    loads=[{"cell": [10, 19], "force": [0.0, -2.0]}],
-)
-"""
-
-
 @pytest.mark.parametrize("how", ["", "resolution=5", "tolerance=0.05"])
 def test_a_small_answer_and_its_bounds_import_little_and_no_compiled_loop(how):
-    script = PLATE + (
-        f"result = kaju.solve(scene, {how})\n"
+    script = (
+        "import sys, kaju\n"
+        f"result = kaju.solve(kaju.Scene(**{PLATE}), {how})\n"
         "low, high = result.energy_bounds\n"
         "assert 0.0 < low < high < 1.1 * low\n"
         "assert low <= result.strain_energy < (1.0 + result.error_estimate**2) * high\n"

@@ -349,12 +349,14 @@ def test_the_size_of_the_load_decides_nothing(pull):
     assert other.displacement / pull == pytest.approx(usual.displacement)
 
 
-def test_where_agents_run_out_the_best_is_kept(monkeypatch) -> None:
+@pytest.mark.parametrize(("goal", "left"), [(None, "a proved"), ("hole", "an estimated")])
+def test_where_agents_run_out_the_best_is_kept(monkeypatch, goal, left) -> None:
     monkeypatch.setattr("kaju.model.elastic.pair.cut_loop.MOST_AGENTS", 90)
     with pytest.raises(kaju.errors.ConvergenceError, match="more than the 90 allowed") as caught:
-        kaju.solve(plate(), tolerance=0.01)
+        kaju.solve(plate(), tolerance=0.01, goal=goal)
     best = caught.value.best
     assert best.tolerance_kept == "missed"
+    assert any(f"these leave {left} error of" in note for note in best.notes)
     assert best.energy_bounds[0] < best.strain_energy < best.energy_bounds[1]
 
 

@@ -18,10 +18,6 @@ def plate(*regions, cells=(8, 8), **body):
     return loaded(cells, cell_size=1.0, regions=list(regions), **free, **body)
 
 
-def picture(scene):
-    return scene.rasterise().T[::-1].tolist()
-
-
 def test_the_edge_belongs_to_the_region():
     scene = plate({"box": [[0.5, 0.5], [2.5, 0.5 + 1.0]], "material": "air"}, cells=(4, 3))
     assert np.argwhere(scene.rasterise() == AIR).tolist() == [
@@ -36,7 +32,7 @@ def test_later_regions_cover_earlier_ones():
         cells=(3, 3),
     )
     assert [material.name for material in scene.cell_materials] == ["steel", "rubber"]
-    assert picture(scene) == [[1, 1, 1], [1, RIGID, 1], [1, 1, 1]]
+    assert scene.rasterise().tolist() == [[1, 1, 1], [1, RIGID, 1], [1, 1, 1]]
 
 
 def test_a_triangle_includes_the_centres_on_its_long_side():

@@ -188,16 +188,13 @@ def test_ends_of_a_loaded_surface_are_as_accurate_as_the_rest():
 # order of the agents, and with them, now and then, who spawns.
 
 
-def pressed(codes):
-    load = {"region": {"box": [[0.05, 0.16], [0.07, 0.16]]}, "force": [0.3, -1.0]}
-    return drawn(codes, [STEEL], [load])
-
-
 def test_idle_body_beside_changes_nothing():
     """A plate under a load, and beside it another that stands on the same ground."""
     codes = np.zeros((28, 16), dtype=int)
     codes[:16] = codes[20:] = 1
-    alone, beside = (spawned_by(pressed(c), tolerance=0.1) for c in (codes[:16], codes))
+    load = {"region": {"box": [[0.05, 0.16], [0.07, 0.16]]}, "force": [0.3, -1.0]}
+    bodies = (drawn(cells, [STEEL], [load]) for cells in (codes[:16], codes))
+    alone, beside = (spawned_by(body, tolerance=0.1) for body in bodies)
     near = beside.lower[:, 0] < 0.16
     mine, theirs = np.lexsort(alone.lower.T), np.flatnonzero(near)
     theirs = theirs[np.lexsort(beside.lower[near].T)]

@@ -108,19 +108,16 @@ def test_only_who_is_in_charge_of_signals_listens():
 
 
 RUNS = {
-    "run": (200, {"threshold": 1e-9}, []),
-    "solve": (40, {"kind": "elastic"}, ["--tolerance", "0.003"]),
-    "creep": (60, {"threshold": 1e-5}, ["--hold", "10"]),
+    "run": ({"threshold": 1e-9}, []),
+    "solve": ({"kind": "elastic"}, ["--tolerance", "0.003"]),
+    "creep": ({"threshold": 1e-5}, ["--hold", "10"]),
 }
 
 
-def large(cells, **rule):
-    return pressed([cells, cells], [cells // 2, cells - 1], size=[0.2, 0.2], rule=rule)
-
-
 def written(folder, verb, cells):
-    _, rule, more = RUNS[verb]
-    large(cells, **rule).save(folder / "scene.toml")
+    rule, more = RUNS[verb]
+    scene = pressed([cells, cells], [cells // 2, cells - 1], size=[0.2, 0.2], rule=rule)
+    scene.save(folder / "scene.toml")
     return [verb, "scene.toml", "--out", "answer", *more, "--no-pictures"]
 
 

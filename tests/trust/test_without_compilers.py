@@ -3,7 +3,11 @@
 import subprocess
 import sys
 
-TAKEN_AWAY = """
+from plates import PLATE
+
+TAKEN_AWAY = (
+    f"PLATE = {PLATE}"
+    + """
 import sys
 for name in ("numba", "llvmlite", "joblib", "typer", "rich", "resource"):
     sys.modules[name] = None
@@ -12,11 +16,7 @@ from pathlib import Path
 
 import kaju
 
-plate = kaju.Scene(
-    body={"size": [0.2, 0.2], "cells": [20, 20], "thickness": 0.002, "material": "steel"},
-    sides={"bottom": "rigid"},
-    loads=[{"cell": [10, 19], "force": [0.0, -2.0]}],
-)
+plate = kaju.Scene(**PLATE)
 elastic = plate.replace(rule=kaju.ElasticRule())
 folder = Path(tempfile.mkdtemp())
 run = kaju.LoadModel(plate).run()
@@ -36,6 +36,7 @@ for refused in (
     except kaju.KajuError as refusal:
         print(refusal)
 """
+)
 
 
 def test_agents_answers_pictures_and_pages_need_no_compiler():

@@ -52,6 +52,8 @@ def test_a_picture_shows_every_agent_of_a_level_as_a_diamond(run):
     middles = [path.vertices[:4].mean(axis=0) for path in agents.get_paths()]
     np.testing.assert_allclose(middles, run.agents.position[finest], atol=1e-12)
     np.testing.assert_array_equal(agents.get_array(), run.agents.spawn_step[finest])
+    woken = finest & (run.agents.spawn_step <= run.moments.step[1])
+    assert len(drawn(axes_of(run, "left", moment=1), "left")) == woken.sum()
 
 
 def test_every_picture_and_the_film_can_be_drawn(run, tmp_path, monkeypatch):

@@ -20,14 +20,10 @@ COMPONENT = {5121: np.uint8, 5125: np.uint32, 5126: np.float32}
 WIDTH = {"SCALAR": 1, "VEC3": 3, "VEC4": 4}
 
 
-def block(threshold: float = 0.1, steps: int = 1) -> kaju.Scene:
-    of = {"thickness": 0.002, "material": "oak", "rule": {"threshold": threshold}}
-    return plate([5, 4], [2, 3], [0.0, -3.0], steps=steps, **of)
-
-
 @pytest.fixture(scope="module")
 def run() -> kaju.TransferResult:
-    return kaju.LoadModel(block(steps=3)).run()
+    of = {"thickness": 0.002, "material": "oak", "rule": {"threshold": 0.1}}
+    return kaju.LoadModel(plate([5, 4], [2, 3], [0.0, -3.0], steps=3, **of)).run()
 
 
 @pytest.fixture(scope="module")

@@ -32,10 +32,6 @@ def cube():
     return LoadModel(CUBE).run()
 
 
-def legend(ax):
-    return [text.get_text() for text in ax.get_legend().get_texts()]
-
-
 def test_every_agent_is_one_tile_where_its_cell_is_in_the_colour_of_its_spawn_step():
     ax = axes_of(plate(), "agents")
     assert len(drawn(ax, "material agents")) == 34
@@ -43,7 +39,8 @@ def test_every_agent_is_one_tile_where_its_cell_is_in_the_colour_of_its_spawn_st
     assert len(drawn(ax, "material steel")) == 400
     assert sorted(part(ax, "material agents").get_array()) == sorted(plate().last.spawn_step)
     assert "34 material agents, 4 boundary agents after 8 generations" in notes(ax)
-    assert legend(ax) == ["steel", "rigid", "free boundary agent"]
+    entries = [text.get_text() for text in ax.get_legend().get_texts()]
+    assert entries == ["steel", "rigid", "free boundary agent"]
     assert ax.get_xlabel() == "x (mm)"
     assert ax.xaxis.get_major_formatter()(0.05, 0) == "50"
     centres = np.array([tile[:4].mean(axis=0) for tile in drawn(ax, "material agents")])
@@ -85,7 +82,10 @@ def test_the_deformed_grid_sinks_by_magnification_times_displacement():
 def test_there_is_one_arrow_for_each_agent_and_direction_that_took_a_load():
     result = plate()
     ax = axes_of(result, "loads")
-    assert len(drawn(ax, "loads taken")) == np.count_nonzero(result.last.taken)
+    arrows = drawn(ax, "loads taken")
+    assert len(arrows) == np.count_nonzero(result.last.taken)
+    middles = np.array([arrow.min(axis=0) + arrow.max(axis=0) for arrow in arrows]) / 0.02
+    assert np.isclose(middles % 1.0, 0.5).any(axis=1).all()  # in the middle of their cells
 
 
 def test_maps_have_units_and_signed_ones_are_centred():
@@ -99,7 +99,9 @@ def test_maps_have_units_and_signed_ones_are_centred():
 
 
 def test_cubes_show_only_faces_that_nothing_hides(cube):
-    agents = part(axes_of(cube), "material agents")
+    ax, bar = plot(cube).axes
+    agents = part(ax, "material agents")
+    assert bar.get_ylabel() == "generation in which the cell woke"
     cells = {tuple(cell) for cell in cube.last.cells.tolist()}
     steps = [(1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1)]
     bare = sum(tuple(np.add(cell, step)) not in cells for cell in cells for step in steps)

@@ -192,7 +192,7 @@ class MaterialAgent(PlacedAgent):
         self.kept += self.shares.own * total
 
     def emissions(self, load: Load) -> tuple[Emission, ...]:
-        """Return what leaves the agent for each newton of a load; [] is nothing.
+        """Return what leaves the agent for each newton that arrives, not newtons; [] is nothing.
 
         Parameters
         ----------

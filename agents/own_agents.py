@@ -106,7 +106,8 @@ def _check_hooks(whose: str, agent: type, base: type) -> None:
     own = {k: v for k, v in _own_names(agent, base).items() if isinstance(v, FunctionType)}
     never = {"step"} - {*HOOKS[base]}  # which Mesa's agents have, and kaju calls of cells only
     for key in own.keys() - (set(dir(base)) - never):
-        near = get_close_matches(key.lower(), HOOKS[base], n=1, cutoff=0.81)  # intake is no slip
+        bare = key.lower().removeprefix("on_").removeprefix("do_")  # as other frameworks' hooks
+        near = get_close_matches(bare, HOOKS[base], n=1, cutoff=0.81)  # intake is no slip
         other = [other.__name__ for other in HOOKS if key in HOOKS[other]]
         meant = f"did you mean {near[0]!r}" if near else f"should it be a {' or '.join(other)}"
         told = f"{whose} has a method {key!r}, which kaju never calls; {meant}? If the name is"

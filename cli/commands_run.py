@@ -187,8 +187,10 @@ def solve(
     from kaju.model.study.solving import solve as solve_scene
 
     asked = options.goals_of(goal)
-    found: Result = solve_scene(scene, tolerance, resolution=resolution, goal=asked)
-    say("solved as linear elasticity")
+    found = solve_scene(scene, tolerance, resolution=resolution, goal=asked)
+    error = f"{100.0 * found.error_estimate:.2g} % in the energy norm"
+    told = "" if found.tolerance is not None else f"; estimated error about {error}"
+    say(f"solved as linear elasticity{told}")
     return found
 
 

@@ -46,6 +46,7 @@ MEANINGS = {
     "largest_change": "of a density, in the last step",
     "largest_hoop_stress_Pa": "the largest by amount along that outline; below 0 it is pressed",
     "largest_load_factor": "times the loads of the scene",
+    "largest_stress_Pa": "of one agent; along an edge a hoop stress or a goal is more exact",
     "load_dropped": "not above γ, so it woke nobody",
     "load_taken": "by all agents; a load counts again in each that passes it on",
     "material_agents": "cells of the body that a load above γ woke",
@@ -88,8 +89,10 @@ class Console:
         """Print key figures: as a table with units, or as JSON."""
         if self.as_json:
             typer.echo(json.dumps(summary, indent=2, allow_nan=False))
-        for name, text, meaning in _rows(summary):
-            self.say(f"  {name:28} {text.replace('_', ' '):12}  {meaning}".rstrip())
+        rows = [*_rows(summary)]
+        width = max([28, *(len(name) for name, _, _ in rows)])
+        for name, text, meaning in rows:
+            self.say(f"  {name:{width}} {text.replace('_', ' '):12}  {meaning}".rstrip())
         self.say(*(f"  note: {note}" for note in summary.get("notes", ())))
 
 
@@ -107,8 +110,9 @@ def _rows(summary: Mapping[str, Any]) -> Iterator[tuple[str, str, str]]:
         name = name.replace("_", " ")
         if isinstance(value, Mapping):
             beside = [part for each in value.values() if isinstance(each, list) for part in each]
-            rows = ((part, text_of(v, unit, beside=beside)) for part, v in value.items())
-            yield from ((f"{name} {part}", text, meaning) for part, text in rows)
+            for part, v in value.items():  # names of the user's own are quoted
+                called = repr(part) if key == "largest_hoop_stress_Pa" else part
+                yield f"{name} {called}", text_of(v, unit, beside=beside), meaning
         elif isinstance(value, list) and value and isinstance(value[0], Mapping):
             for number, entry in enumerate(value, start=1):
                 units = dict.fromkeys(entry, entry.get("unit", "")) | {"relative_error": ""}

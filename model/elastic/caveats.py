@@ -125,7 +125,8 @@ def _of_error(result: ElasticResult) -> Iterator[str]:
         if found.storage == "solid":  # no tolerance can be asked of these
             name, value = "resolution", f"{2 * result.subdivision}"
         told = f"take {name}={value} (kaju solve FILE --{name} {value})"
-        yield f"error about {error:.0%}: for a smaller one, in the energy norm, {told}"
+        slender = "deflections of slender bodies are off by as much or more"
+        yield f"error about {error:.0%}: for a smaller one, in the energy norm, {told}; {slender}"
 
 
 def _of_loads(grid: Scene) -> Iterator[str]:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from kaju.arrays import Flags, Floats, first_largest
+from kaju.arrays import Flags, Floats, first_largest, without_rows
 from kaju.errors import ResultError, require
 from kaju.model.scene import Scene
 from kaju.model.scene.cell_types import DISPLACED, FOUNDATION, RIGID, ROLLER
@@ -51,6 +51,7 @@ class Cuts:
     needed: Floats
     load: float  # sum of the applied forces along the axis (N)
     sense: Floats  # 1 where the part beyond a cut is free, or bears more of the load; else -1
+    __repr__ = without_rows
 
     @property
     def carried(self) -> Floats:

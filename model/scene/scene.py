@@ -213,6 +213,8 @@ class Scene(Description):
         thick = self.body.thickness or 0.0  # as it was given
         if self.plane == "stress" and thick > 20.0 * wide:
             found.append(f"body.thickness: {thick:g} m are much for a plate of {wide:g} m; {asked}")
+        if self.plane and not thick and any(load.pressure is None for load in self.loads):
+            found.append("body.thickness is not given: 1 m is taken, over which the forces spread")
         for number, filled in enumerate(self._resolved.regions):
             shape, where = filled.shape, f"body.regions.{number}"
             if isinstance(shape, ClosedSurface) and shape.ambiguous:
@@ -229,7 +231,21 @@ class Scene(Description):
             if filled.kind == cell_types.AIR and _breaks_through(shape, self.lattice):
                 told = reach_of(shape, self.lattice, "is it meant so?")
                 found.append(f"{where}: this hole breaks through the edge of the body: it {told}")
-        return (*found, *self._overlaps, *self._cut_off, *self.in_pixels)
+        return (*found, *self._idle, *self._overlaps, *self._cut_off, *self.in_pixels)
+
+    @property
+    def _idle(self) -> Iterator[str]:
+        """Which regions are of the material that they cover, in words."""
+        body = self._resolved
+        for number, one in enumerate(body.regions):
+            if not isinstance(body.base, int) or one.kind != body.base:
+                continue
+            low, high = body.cells_of(one.shape)
+            others = (other for other in body.regions[:number] if other.kind != one.kind)
+            boxes = (body.cells_of(other.shape) for other in others)
+            if not any((a < high).all() and (low < b).all() for a, b in boxes):
+                told = "is of the material that it covers, so it changes nothing"
+                yield f"body.regions.{number}: this region {told}"
 
     @property
     def _overlaps(self) -> Iterator[str]:

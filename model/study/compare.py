@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kaju.arrays import Flags, Floats
+from kaju.arrays import Flags, Floats, without_rows
 from kaju.errors import ResultError, brief, by_name
 from kaju.model.elastic.elastic_result import ElasticResult
 from kaju.model.elastic.moduli import constants_of
@@ -67,6 +67,8 @@ class Pair:
         small = np.abs(self.reference) < 1e-3 * np.abs(self.reference).max()
         return np.asarray(self.values / np.where(small, np.nan, self.reference))
 
+    __repr__ = without_rows
+
     def component(self, name: str) -> Pair:
         """Return one component, such as "y" of a displacement or "yy" of a stress."""
         order, axes = self.values.ndim - 1, "xyz"[: self.values.shape[-1]]
@@ -99,6 +101,7 @@ class Profile:
     distance: Floats  # from the start of the line (m), shape (n,)
     displacement: Pair
     stress: Pair | None
+    __repr__ = without_rows
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,6 +157,10 @@ class Comparison:
             "stress": self.stress.summary() if self.stress else None,
             "energy_error": self.energy_error,
         }
+
+    def __repr__(self) -> str:
+        figures = ", ".join(f"{key}={value!r}" for key, value in self.summary().items())
+        return f"Comparison({figures})"
 
 
 @by_name

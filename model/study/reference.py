@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kaju.arrays import Flags, Floats, Ints
+from kaju.arrays import Flags, Floats, Ints, without_rows
 from kaju.errors import ParameterError, ResultError, brief
 from kaju.model.results.archive import Stored
 from kaju.model.results.stored import Column
@@ -66,6 +66,7 @@ class Reference(Stored):
     stress: Annotated[Floats, Column("points dimension dimension")] | None = None
     strain_energy: float | None = None
     source: str = ""
+    __repr__ = without_rows
 
     def __post_init__(self) -> None:
         for name in ("points", "displacement", "stress"):

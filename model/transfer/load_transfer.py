@@ -41,7 +41,7 @@ class LoadTransfer(Stepper[TransferResult]):
         engine_of: Callable[[Transfer], Any] = ArrayEngine,
     ) -> None:
         self.scene, self.allow_unstable = scene, allow_unstable
-        self.max_generations = max_generations
+        self.max_generations, self.own = max_generations, tuple(own or ())
         told = f"max_generations: must be a number from 1 upwards, got {brief(max_generations)}"
         require(is_number(max_generations) and max_generations >= 1, told)
         self.transfer = Transfer(scene, rule)
@@ -138,6 +138,7 @@ class LoadTransfer(Stepper[TransferResult]):
             certificate=self.certificate,
             seconds=self.seconds,
             parameters=dict(self.parameters),
+            own_agents=self.own,
         )
 
     def progress(self) -> str:

@@ -69,6 +69,8 @@ class TransferResult(BodyResult):
     """Time that the run took (s)."""
     parameters: Mapping[str, bool | int | float] = field(default_factory=dict)
     """Values of the parameters that agents of your own declare, by name."""
+    own_agents: tuple[str, ...] = ()
+    """Names of the classes of agents of your own."""
 
     def __post_init__(self) -> None:
         if not 1 <= len(self.stages) <= self.scene.stages:
@@ -267,7 +269,9 @@ class TransferResult(BodyResult):
         stage = self.last
         return {
             "rule": "prescribed",
+            **({"own_agents": ", ".join(self.own_agents)} if self.own_agents else {}),
             **({"parameters": dict(self.parameters)} if self.parameters else {}),
+            "outcome": self.outcome,
             "generations": stage.generations,
             "material_agents": len(stage.cells),
             "boundary_agents": len(stage.boundary_cells),

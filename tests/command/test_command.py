@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from kaju import TransferResult, load_scene
+from kaju.cli.console import Console
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 PLATE = str(EXAMPLES / "plate.toml")
@@ -36,8 +37,7 @@ def test_run_writes_summary_and_result(kaju):
 def test_set_changes_the_scene(kaju):
     settings = ["rule.threshold=0.001", "loads.0.steps=1", "sides.left=rigid"]
     words = [word for setting in settings for word in ("--set", setting)]
-    code, _, _ = kaju("run", PLATE, "--out", "here", "--no-pictures", *words)
-    assert code == 0
+    assert kaju("run", PLATE, "--out", "here", "--no-pictures", *words)[0] == 0
     assert json.loads(Path("here/summary.json").read_text())["generations"] == 11
     stored = TransferResult.load("here/result.npz").scene
     assert stored.side_condition("left").kind == "rigid"
@@ -55,22 +55,19 @@ def test_results_are_not_overwritten_unless_forced(kaju):
     assert Path("here/notes.txt").read_text() == "mine"
 
 
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (["run", "missing.toml"], "missing.toml"),
-        (["run", PLATE, "--set", "threshold"], "--set: KEY=VALUE is needed, got 'threshold'"),
-        (["run", PLATE, "--set", "rule.treshold=1"], "threshold"),
-        (["run", PLATE, "--set", "body.thickness=nan"], "thickness"),
-        (["run", PLATE, "--set", "rule.accumulate=true"], "loads grow by 15 %"),
-        (["solve", PLATE, "--tolerance", "0"], "tolerance"),
-        (["check", PLATE, *ROLLER], "plate.toml: line 15: sides: the supports do not hold"),
-        ([*LUG, '{"box": [[0, 0], [1, 1]]}'], "goal: {'box': [[0, 0], [1, 1]]} cannot be"),
-        ([*LUG, "0.1,0.1"], 'for others take outline = "cells"'),
-        (["animate", PLATE], "is a scene; run it first"),
-        (["animate", "nothing.npz"], "cannot be read: No such file"),
-    ],
-)
+@pytest.mark.parametrize(("words", "message"), [
+    (["run", "missing.toml"], "missing.toml"),
+    (["run", PLATE, "--set", "threshold"], "--set: KEY=VALUE is needed, got 'threshold'"),
+    (["run", PLATE, "--set", "rule.treshold=1"], "threshold"),
+    (["run", PLATE, "--set", "body.thickness=nan"], "thickness"),
+    (["run", PLATE, "--set", "rule.accumulate=true"], "loads grow by 15 %"),
+    (["solve", PLATE, "--tolerance", "0"], "tolerance"),
+    (["check", PLATE, *ROLLER], "plate.toml: line 15: sides: the supports do not hold"),
+    ([*LUG, '{"box": [[0, 0], [1, 1]]}'], "goal: {'box': [[0, 0], [1, 1]]} cannot be"),
+    ([*LUG, "0.1,0.1"], 'for others take outline = "cells"'),
+    (["animate", PLATE], "is a scene; run it first"),
+    (["animate", "nothing.npz"], "cannot be read: No such file"),
+])  # fmt: skip
 def test_what_is_mistyped_is_one_line_and_exit_code_2(kaju, words, message):
     code, out, err = kaju(*words)
     assert code == 2
@@ -108,11 +105,16 @@ def test_new_writes_a_scene_that_runs(kaju):
     assert kaju("check", "mine.toml", "--set", "rule.accumulate=true")[0] == 1  # loads grow
 
 
-def test_figures_are_printed_once_and_without_rounding(kaju):
-    _, out, _ = kaju("solve", PLATE, "--tolerance", "0.1", "--no-pictures")
+def test_figures_are_printed_once_without_rounding_and_apart_from_quoted_names(kaju, capsys):
+    assert "; estimated error about " in kaju("solve", PLATE, "--no-pictures")[1].splitlines()[0]
+    _, out, _ = kaju("solve", PLATE, "--tolerance", "0.1", "--no-pictures", "--force")
     assert " reaction bottom              0 N, 2 N " in out
     assert "error bound" in out
     assert "error estimate" not in out
+    Console().figures({"largest_hoop_stress_Pa": {"upper bolt": -1.717e7}, "agents": 5})
+    first, second = capsys.readouterr().out.splitlines()
+    assert first.startswith("  largest hoop stress 'upper bolt' −17.17 MPa")
+    assert first.index("−") == second.index("5")
 
 
 def test_demo_runs_the_worked_plate_and_says_where_the_pictures_are(kaju):

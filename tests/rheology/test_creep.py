@@ -17,7 +17,7 @@ TIMES = np.array([0.1, 0.2, 1.0, 3.0, 5.2, 5.3, 6.0, 10.0, 25.3])
 
 def slab(rule="elastic", **material):
     return Scene(
-        body={"cell_size": 0.01, "cells": [3, 3], "material": "gel"},
+        body={"cell_size": 0.01, "cells": [3, 3], "thickness": 1.0, "material": "gel"},
         materials={"gel": {"youngs_modulus": 2e3, "poissons_ratio": 0.3, **material}},
         sides={"bottom": "rigid"},
         loads=[{"side": "top", "force": [0.0, -1e-3]}],

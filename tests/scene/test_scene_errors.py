@@ -249,6 +249,7 @@ def test_millimetres_and_gigapascals_are_asked_about():
     assert "much for a body of steel" in wrong.with_overrides({"materials": {}}).notes[0]
     disk = {"radius": 0.3 * wrong.lattice.extent[0], "centre": [0.2 * wrong.lattice.extent[0]] * 2}
     assert "this hole breaks through the edge" in wrong.with_region(disk=disk).notes[-1]
+    assert "it changes nothing" in wrong.with_region(disk=disk, material="steel").notes[-1]
     twice = wrong.with_region(disk=disk).with_region(
         disk=disk | {"radius": 20.0, "centre": [60, 24]}
     )
@@ -257,3 +258,6 @@ def test_millimetres_and_gigapascals_are_asked_about():
     for wide, told in ((10.0, True), (9.9, False)):  # only small bodies are of foam
         foam = {"body.size": [wide, wide], "materials.steel.youngs_modulus": 4e5}
         assert any("is soft" in note for note in wrong.with_overrides(foam).notes) == told
+    bare = Scene(body=body | {"thickness": None}, sides={"bottom": "rigid"}, loads=[load])
+    assert "thickness is not given: 1 m" in bare.notes[-1]
+    assert "thickness" not in str(bare.replace(loads=[{"side": "top", "pressure": 2.0}]).notes)

@@ -124,7 +124,7 @@ def test_generations_can_be_looked_at_before_the_end(tmp_path):
     assert len(early.generations) == 2
     assert repr(late.generations[-1]).startswith(f"Generation(agents={late.agents}, error=")
     assert len(repr(late.generations)) < 100 * len(late.generations)
-    assert late.notes == late.caveats
+    assert late.notes == late.caveats + late.scene.notes
     assert_same_rows(again.family, early.family)
     points = early.lower + 0.5 * early.size[:, None]
     np.testing.assert_array_equal(again.displacement_at(points), early.displacement_at(points))

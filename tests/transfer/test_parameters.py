@@ -31,22 +31,21 @@ def test_a_declared_number_acts_and_is_told_in_summary_file_and_columns(tmp_path
     three, six = hardening().run(), model.run()
     assert three.displacement == pytest.approx(2.0 * six.displacement, rel=1e-12)
     assert six.summary()["parameters"] == {"loads": 6, "softly": False}
-    assert kaju.load_result(six.save(tmp_path / "six.npz")).parameters == six.parameters
+    again = kaju.load_result(six.save(tmp_path / "six.npz"))
+    assert again.parameters == six.parameters
+    assert "own_agents='Hardening'" in repr(again)
     frame = model.datacollector.get_model_vars_dataframe()
     assert set(frame["loads"]) == {6}
     assert len(frame) == model.steps
 
 
-@pytest.mark.parametrize(
-    ("numbers", "told"),
-    [
-        ({"thresold": 1.0}, "thresold: .*did you mean 'threshold'"),
-        ({"gamma": 1.0}, "gamma: .* 'threshold'"),
-        ({"loads": 11}, "loads: .*from 1 to 10"),
-        ({"loads": 2.5}, "loads: .*whole number"),
-        ({"threshold": "much"}, "threshold: must be a number"),
-    ],
-)
+@pytest.mark.parametrize(("numbers", "told"), [
+    ({"thresold": 1.0}, "thresold: .*did you mean 'threshold'"),
+    ({"gamma": 1.0}, "gamma: .* 'threshold'"),
+    ({"loads": 11}, "loads: .*from 1 to 10"),
+    ({"loads": 2.5}, "loads: .*whole number"),
+    ({"threshold": "much"}, "threshold: must be a number"),
+])  # fmt: skip
 def test_wrong_numbers_are_named(numbers, told):
     with pytest.raises(KajuError, match=told):
         LoadModel(pressed(), material_agent=Hardening, **numbers)

@@ -101,22 +101,19 @@ def test_a_stretched_cell_pulls_its_neighbours_inwards(engine):
     assert pulled[2, 0] == [0.15, 0, 0, 0]
 
 
-@pytest.mark.parametrize(
-    ("load", "pulls"),
-    [
-        ({"cell": [2, 4], "force": [0.0, 1.0]}, True),
-        ({"cell": [2, 4], "force": [0.0, -1.0]}, False),
-        ({"cell": [2, 4], "side": "top", "force": [1.0, 0.0]}, False),
-        ({"cell": [4, 2], "force": [1.0, 0.0]}, True),
-        ({"cell": [2, 2], "force": [0.0, 1.0], "sense": "pull"}, True),
-        ({"cell": [2, 4], "force": [0.0, 1.0], "sense": "push"}, False),
-        ({"side": "top", "pressure": -1e4}, True),
-        ({"side": "top", "pressure": 1e4}, False),
-        ({"region": {"box": [[0.0, 0.05], [0.05, 0.05]]}, "force": [0.0, 1.0]}, True),
-    ],
-)
+@pytest.mark.parametrize(("load", "pulls"), [
+    ({"cell": [2, 4], "force": [0.0, 1.0]}, True),
+    ({"cell": [2, 4], "force": [0.0, -1.0]}, False),
+    ({"cell": [2, 4], "side": "top", "force": [1.0, 0.0]}, False),
+    ({"cell": [4, 2], "force": [1.0, 0.0]}, True),
+    ({"cell": [2, 2], "force": [0.0, 1.0], "sense": "pull"}, True),
+    ({"cell": [2, 4], "force": [0.0, 1.0], "sense": "push"}, False),
+    ({"side": "top", "pressure": -1e4}, True),
+    ({"side": "top", "pressure": 1e4}, False),
+    ({"region": {"box": [[0.0, 0.05], [0.05, 0.05]]}, "force": [0.0, 1.0]}, True),
+])  # fmt: skip
 def test_which_forces_pull(load, pulls):
-    scene = loaded([5, 5], load, rule=PrescribedRule(threshold=0.01, sense=True))
+    scene = loaded([5, 5], load, rule=PrescribedRule(threshold=0.01, sense=True), thickness=1.0)
     model = LoadModel(scene, engine="arrays")
     model.step()
     assert model.result().last.history.pull.all() == pulls

@@ -283,6 +283,7 @@ class ElasticModel(SteppedModel):
             certificate=self.certificate,
             moments=self.recorder.moments(agents),
             seconds=self.seconds,
+            own_agents=() if self.face_agent is FaceAgent else (self.face_agent.__name__,),
         )
 
     def _answer(self, outcome: str) -> ElasticResult:

@@ -170,6 +170,7 @@ class ElasticRun(BodyResult):
     certificate: WaveCertificate | None  # Of waves, before the run
     moments: Moments  # What was left on agents, and what they had taken, on the way
     seconds: float  # Time that the run took (s)
+    own_agents: tuple[str, ...] = ()  # Names of the classes of agents of your own
 
     stage = property(lambda run: run.result.stage, doc="Stage of loading; None is the last.")
 
@@ -217,6 +218,7 @@ class ElasticRun(BodyResult):
         last = self.history[-1] if self.history else None
         return {
             "rule": "elastic",
+            **({"own_agents": ", ".join(self.own_agents)} if self.own_agents else {}),
             "order": self.result.found.solution.method.removeprefix("agents, "),
             "plane": self.scene.plane,
             "outcome": self.outcome,

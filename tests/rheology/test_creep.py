@@ -17,10 +17,10 @@ TIMES = np.array([0.1, 0.2, 1.0, 3.0, 5.2, 5.3, 6.0, 10.0, 25.3])
 
 def slab(rule="elastic", **material):
     return Scene(
-        body={"cell_size": 0.01, "cells": [3, 3], "thickness": 1.0, "material": "gel"},
+        body={"cell_size": 0.01, "cells": [3, 3], "thickness": 0.5, "material": "gel"},
         materials={"gel": {"youngs_modulus": 2e3, "poissons_ratio": 0.3, **material}},
         sides={"bottom": "rigid"},
-        loads=[{"side": "top", "force": [0.0, -1e-3]}],
+        loads=[{"side": "top", "force": [0.0, -5e-4]}],
         rule={"kind": rule} | ({"threshold": 1e-6} if rule == "prescribed" else {}),
     )
 

@@ -158,7 +158,7 @@ export class MotionPage extends Page {
   /** Squares, hexagons, diamonds: 80,000 of them, so nothing is made for each. */
   fillFlat({ r, u, x0, y0 }, ink, px, py) {
     const { corners, parts, points, low, unit, times, each, count } = this, moved = times ? this.moved[this.g] : null;
-    this.view.rim = this.born && this.lesson?.secret ? 0 : moved ? 1.2 : 1;   // sizes are guessed first; parts that slide a little past each other still have a line between them
+    this.view.rim = this.born && this.lesson?.secret ? 0 : moved ? 1.08 : 1;   // sizes are guessed first; parts that slide a little past each other still have a line between them, which is double in few places
     for (let part = 0; part < count; part++) {
       if (!this.there(part)) continue;
       for (let i = 0; i < corners; i++) {

@@ -33,9 +33,10 @@ WOKE = "generation in which the cell woke"
 
 
 class Symbol(NamedTuple):
-    """How a kind of boundary agent looks: polygon in a cell of edge 1, and in a legend."""
+    """How a kind of boundary agent looks, polygon in a cell of edge 1, and what a legend says."""
 
     name: str
+    does: str
     corners: Floats
     marker: str
 
@@ -46,9 +47,9 @@ def _regular(corners: int, turn: float, radius: float) -> Floats:
 
 
 SYMBOLS = {
-    AIR: Symbol("free boundary agent", _regular(20, 0.0, 0.36), "o"),
-    RIGID: Symbol("rigid boundary agent", _regular(3, 90.0, 0.5), "^"),
-    ROLLER: Symbol("roller boundary agent", _regular(4, 0.0, 0.45), "D"),
+    AIR: Symbol("free boundary agent", "air, gives loads back", _regular(20, 0.0, 0.36), "o"),
+    RIGID: Symbol("rigid boundary agent", "ground, gives loads back", _regular(3, 90.0, 0.5), "^"),
+    ROLLER: Symbol("roller boundary agent", "gives loads back", _regular(4, 0.0, 0.45), "D"),
 }
 
 
@@ -84,7 +85,9 @@ def _mark_pulled(ax: Axes, section: Section, stage: Stage) -> list[Artist]:
 def _entries(kinds: Ints) -> list[Artist]:
     """Return what explains the symbols of these kinds of boundary agents in a legend."""
     return [
-        Line2D([], [], ls="", marker=s.marker, mfc="white", mec=INK, ms=6, label=s.name)
+        Line2D(
+            [], [], ls="", marker=s.marker, mfc="white", mec=INK, ms=6, label=f"{s.name}: {s.does}"
+        )
         for kind, s in SYMBOLS.items()
         if (kinds == kind).any()
     ]

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kaju.arrays import Floats, Ints
+from kaju.model.elastic.caveats import is_stepped
 from kaju.model.elastic.elastic_result import ElasticResult
 from kaju.model.results.mesh import corner_order
 from kaju.model.results.result import BodyResult, Curves, solved_scene
@@ -161,7 +162,7 @@ def loaded(result: ElasticResult) -> Motion:
         values={name: (unit, np.stack([0.0 * of, of])) for name, (unit, of) in values.items()},
         moved=np.stack([0.0 * moved, moved]),
         forces=loads_of(result),
-        outcome=stress_text(result),
+        outcome=_stress_of(result),
     )
 
 
@@ -288,7 +289,7 @@ def elastic_answer(result: ElasticResult) -> Motion:
             Curves("Strain energy", *over, _energies(result), "J"),
         ],
         forces=loads_of(result),
-        outcome="; ".join([_error_of(result), stress_text(result)]),
+        outcome="; ".join([_error_of(result), _stress_of(result)]),
     )
     return _within_outlines(result, shown)
 
@@ -343,9 +344,19 @@ def _opinions(result: ElasticResult) -> dict[str, tuple[str, Floats]]:
     return found
 
 
+def _stress_of(result: ElasticResult) -> str:
+    """Return the largest stress, and some corners at which it has no limit: steps all have none."""
+    corners = [] if is_stepped(result.grid) else result.sharp_corners.tolist()
+    at = [f"({', '.join(quantity(x, 'm') for x in corner)})" for corner in corners[:3]]
+    no_limit = f"; stress at corners, without limit: {', '.join(at)}{', …' * (len(corners) > 3)}"
+    return stress_text(result) + (no_limit if corners else "")
+
+
 def _error_of(result: ElasticResult) -> str:
     """Return how many agents there are, their error, and between which bounds the energy lies."""
-    words = f"{result.agents} agents, error {100.0 * result.error_estimate:.2g} %"
+    words = (
+        f"{result.agents} agents, error in the energy norm {100.0 * result.error_estimate:.2g} %"
+    )
     if result.energy_bounds is None:
         return words
     lower, upper = (quantity(bound, "J") for bound in result.energy_bounds)

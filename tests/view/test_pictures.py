@@ -40,7 +40,7 @@ def test_every_agent_is_one_tile_where_its_cell_is_in_the_colour_of_its_spawn_st
     assert sorted(part(ax, "material agents").get_array()) == sorted(plate().last.spawn_step)
     assert "34 material agents, 4 boundary agents after 8 generations" in notes(ax)
     entries = [text.get_text() for text in ax.get_legend().get_texts()]
-    assert entries == ["steel", "rigid", "free boundary agent"]
+    assert entries == ["steel", "rigid", "free boundary agent: air, gives loads back"]
     assert ax.get_xlabel() == "x (mm)"
     assert ax.xaxis.get_major_formatter()(0.05, 0) == "50"
     centres = np.array([tile[:4].mean(axis=0) for tile in drawn(ax, "material agents")])

@@ -106,11 +106,7 @@ function under(page, { offsetX, offsetY }) {
   const near = rows.map((at) => Math.abs(at + 0.5 - x)), n = near.indexOf(Math.min(...near));
   return { at: Math.max(0, Math.min(shape[axis] - 1, Math.floor(x))), n: near[n] < Math.max(0.7, 14 / view.u) ? n : -1 };
 }
-function addCut(page, at) {
-  const cuts = placed(page);
-  cuts.chosen = cuts.rows.push(at) - 1;
-  page.set("cuts", page.look.cuts);
-}
+const addCut = (page, at) => { const cuts = placed(page); cuts.chosen = cuts.rows.push(at) - 1; page.set("cuts", cuts); };
 
 MODES.push({
   name: "cuts", letter: "c",

@@ -222,7 +222,7 @@ export class MotionPage extends Page {
     const { t, g, run, along, at } = this, shares = along === "stage" && at.at(-1) === 1 && at.length > 2, counts = along !== "s" && at.at(-1) === run.generation;
     const moment = () => (counts ? t(`along_${along}`) : `${t(`along_${shares ? "share" : along}`)} ${quantity(at[g], "")} ·`);   // of what is counted once is enough
     this.tellTime(along === "s" ? `${t("time")} ${quantity(at[g], "s")}` : `${moment()} ${t("moment", { g, n: run.generation })}`);
-    this.parts.verdict.hidden = !this.outcome || (this.along === "share" ? this.lesson : g < run.generation) || this.limit < run.generation;   // how it ended is told at the end, but no lesson's number
+    this.parts.verdict.hidden = !this.outcome || (this.along === "share" || (this.lesson && this.born) ? this.lesson : g < run.generation) || this.limit < run.generation;   // how it ended is told at the end, but no lesson's number
     this.tell();
     this.drawCurves();
   }

@@ -10,7 +10,7 @@ import { Loads } from "./loads.js";
 import { Workshop } from "./agent.js";
 import { follow, Past } from "./state.js";
 import { storyOf, tellStory } from "./cell.js";
-import { LANGUAGES, quantity, roundDown, say, verdictOf } from "./words.js";
+import { chosenLanguage, LANGUAGES, quantity, roundDown, say, verdictOf } from "./words.js";
 import { buildAside, buildBar, buildFooter, buildHeader, buildTries, modeCards, showKeys, tellMarks } from "./panels.js";
 
 const UNITS = { taken: "N", now: "N", kept: "N", stress: "Pa", move: "m", spawn: "", density: "" };
@@ -24,7 +24,7 @@ export class Page {
     Object.assign(this, { kind, title, text, own, tab: "", pen: "look", picked: -1, g: 0, changed: false, factor: 1, material: "",
       given: { verdict, stable }, elastic: { answer: null, why: "" }, parts: {}, presets: [], sheet: 1 });
     const known = (list) => list.map((l) => l?.slice(0, 2)).find((l) => l in LANGUAGES);
-    this.language = known([asked.get("lang"), language, ...(navigator.languages ?? [])]) ?? "en";
+    this.language = known([asked.get("lang"), language, chosenLanguage(lesson && asked.get("lang")), ...(navigator.languages ?? [])]) ?? "en";
     this.t = say(this.language);
     this.look = { mode: "body", colour: "taken", deformed: false, magnify: 0, arrows: true, path: false, speed: 8, letters: true,
       camera: { yaw: -0.6, pitch: 0.5 }, cut: { axis: -1, at: 0, only: false } };
@@ -383,7 +383,7 @@ export class Page {
     const scene = JSON.stringify(this.scene), same = (preset) => JSON.stringify(preset.scene) === scene && (preset.cells ?? this.start.cells).every((c, i) => c === this.cells[i]);
     this.parts.presets?.forEach((b, n) => { b.ariaPressed = String(same(this.presets[n])); });
   }
-  speak(language) { this.language = language; this.t = say(language); this.rebuild(); this.header(); }
+  speak(language) { chosenLanguage(this.language = language); this.t = say(language); this.rebuild(); this.header(); }
   dress(dark) {
     this.dark = dark;
     this.root.host.classList.toggle("dark", dark);

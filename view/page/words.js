@@ -3,6 +3,8 @@
 import WORDS from "./words.json" with { type: "json" };
 
 export const LANGUAGES = { en: "English", de: "Deutsch", ja: "日本語" };
+/** The language that a reader chose last, on any page; where a browser keeps nothing, none. */
+export const chosenLanguage = (now) => { try { if (now) localStorage.setItem("kaju:language", now); return localStorage.getItem("kaju:language"); } catch { return null; } };
 
 let comma = false;                             // decimal, as German writes it
 export const local = (number) => (comma ? number.replace(".", ",") : number);

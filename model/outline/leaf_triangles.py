@@ -211,30 +211,32 @@ def leaf_triangles(
     ends = np.concatenate([lines.reshape(-1, 2), *crossing.values()])
     whose = np.array([*of, *crossing], dtype=np.int64)
     whose = np.repeat(whose, [2] * len(of) + [len(one) for one in crossing.values()])
-    found = told(_filled(leaves, np.unique(of), whose, ends, of, lines))
+    parted = np.isin(np.arange(len(leaves)), of)
+    some = held & (parted | (whole >= 0))
+    found = told(_filled(leaves, np.flatnonzero(some), whose, ends, of, lines))
     share = found.shares(leaves)
     # What all but fills a leaf fills it.
-    full = share > 1.0 - ROUNDING
-    whole[full.any(axis=1)] = (np.append(np.arange(full.shape[1] - 1), -1))[np.nonzero(full)[1]]
-    parted = np.isin(np.arange(len(leaves)), of) & ~full.any(axis=1)
-    vague = parted & (np.abs(share.sum(axis=1) - 1.0) > TINY)
-    of, lines = found.between()
-    while True:
-        if (vague & (leaves.size > 1)).any():
-            raise VagueError(leaves.code[vague & (leaves.size > 1)])
+    full = (share > 1.0 - ROUNDING).any(axis=1)
+    whole[full] = np.append(np.arange(share.shape[1] - 1), -1)[share[full].argmax(axis=1)]
+    vague = some & ~full & (np.abs(share.sum(axis=1) - 1.0) > TINY)
+    count, (of, lines) = len(of), found.between()
+    # Without what is left out, and without lines that part no laws, they are filled anew.
+    anew = vague.any() or (parted & full).any() or len(of) != count
+    parted &= ~full
+    while anew:
+        if (large := vague & (leaves.size > 1)).any():
+            raise VagueError(leaves.code[large])
         # Leaves that cannot be halved hold the stiffest or the softest of all that is there.
         for k in np.flatnonzero(vague).tolist():
             there = [body.law, *(body.regions[j].law for j in np.flatnonzero((cut | holds)[:, k]))]
             whole[k] = _number(laws, reduce(lambda a, b: a.with_other(b, most), there))
         parted &= ~vague
         of, lines = of[parted[of]], lines[parted[of]]
-        some = np.flatnonzero(held & (parted | (whole >= 0)))
-        found = _filled(leaves, some, np.repeat(of, 2), lines.reshape(-1, 2), of, lines)
-        missed = 1.0 - np.bincount(found.leaf, found.area, len(leaves))[some] / size[some] ** 2
-        vague = np.isin(np.arange(len(leaves)), some[np.abs(missed) > TINY])
-        if not vague.any():
-            break
-    found = told(found)
+        some = held & (parted | (whole >= 0))
+        rows, ends = np.flatnonzero(some), lines.reshape(-1, 2)
+        found = told(_filled(leaves, rows, np.repeat(of, 2), ends, of, lines))
+        vague = some & (np.abs(found.shares(leaves).sum(axis=1) - 1.0) > TINY)
+        anew = vague.any()
     solid = found.law >= 0
     found = Filled(found.leaf[solid], found.law[solid], found.corners[solid])
     return laws, found, [parts[region == k] for k in range(len(rings))]

@@ -84,7 +84,8 @@ class CutMesh:
     def flipped(self) -> CutMesh:
         """Return the mesh, flat triangles parted across their longest side with those beyond it.
 
-        Stresses in flat triangles are so stiff that what is soft would drown in rounding.
+        On the border they are parted at the foot of their height. Stresses in flat triangles are
+        so stiff that what is soft would drown in rounding.
         """
         flat, longest = self._flatness, self._legs.argmax(axis=1)
         beyond = self.beside[self.edge[np.arange(len(flat)), longest]].sum(axis=1)

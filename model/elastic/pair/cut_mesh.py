@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -32,6 +32,8 @@ class CutMesh:
     triangle: Ints  # vertices, counter-clockwise, shape (triangles, 3)
     leaf: Ints  # of each triangle
     law: Ints
+    spans: Ints = field(default_factory=lambda: np.empty((0, 2), dtype=np.int64))
+    """Ends of the edges on the border that the last vertices part, shape (m, 2)."""
 
     @property
     def around(self) -> Ints:
@@ -120,7 +122,15 @@ class CutMesh:
             np.concatenate([triangle, np.stack([foot, b, tip], axis=1)]),
             np.append(self.leaf, self.leaf[rows]),
             np.append(self.law, self.law[rows]),
+            np.stack([a, b], axis=1),
         )
+
+    def unparted(self, ends: Ints) -> Ints:
+        """Return the ends of edges on the border, of halves those of the whole."""
+        foot = ends.max(axis=1) - (len(self.place) - len(self.spans))
+        whole = ends.copy()
+        whole[foot >= 0] = self.spans[foot[foot >= 0]]
+        return whole
 
     @cached_property
     def _legs(self) -> Floats:
@@ -241,7 +251,7 @@ class Border:
                 pull += slope * at[on, :, 1 - axis]
                 traction[on, axis] += pull.mean(axis=1)
                 tilt[on, axis] = 0.5 * (pull[:, 1] - pull[:, 0])
-        outline = _outline_of(at, side < 0, along)
+        outline = _outline_of(mesh.place[mesh.unparted(ends)], side < 0, along)
         held[np.isin(outline, [*body.rigid])] = True
         outward = np.stack([run[:, 1], -run[:, 0]], axis=1) / length[:, None]
         for one in body.outlines:

@@ -214,7 +214,8 @@ class Scene(Description):
         if self.plane == "stress" and thick > 20.0 * wide:
             found.append(f"body.thickness: {thick:g} m are much for a plate of {wide:g} m; {asked}")
         if self.plane and not thick and any(load.pressure is None for load in self.loads):
-            found.append("body.thickness is not given: 1 m is taken, over which the forces spread")
+            told = "1 m is taken, over which the forces spread; is it meant so?"
+            found.append(f"body.thickness is not given: {told}")
         for number, filled in enumerate(self._resolved.regions):
             shape, where = filled.shape, f"body.regions.{number}"
             if isinstance(shape, ClosedSurface) and shape.ambiguous:
@@ -240,11 +241,10 @@ class Scene(Description):
         for number, one in enumerate(body.regions):
             if not isinstance(body.base, int) or one.kind != body.base:
                 continue
-            low, high = body.cells_of(one.shape)
-            others = (other for other in body.regions[:number] if other.kind != one.kind)
-            boxes = (body.cells_of(other.shape) for other in others)
-            if not any((a < high).all() and (low < b).all() for a, b in boxes):
-                told = "is of the material that it covers, so it changes nothing"
+            low, high = one.shape.extent
+            others = (each.shape.extent for each in body.regions[:number] if each.kind != one.kind)
+            if not any(np.less(a, high).all() and np.less(low, b).all() for a, b in others):
+                told = "is of the material that it covers, so it changes nothing; is it meant so?"
                 yield f"body.regions.{number}: this region {told}"
 
     @property

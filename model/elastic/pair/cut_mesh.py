@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -32,8 +32,7 @@ class CutMesh:
     triangle: Ints  # vertices, counter-clockwise, shape (triangles, 3)
     leaf: Ints  # of each triangle
     law: Ints
-    spans: Ints = field(default_factory=lambda: np.empty((0, 2), dtype=np.int64))
-    """Ends of the edges on the border that the last vertices part, shape (m, 2)."""
+    spans: Ints  # ends of the edges that the last vertices part, shape (m, 2)
 
     @property
     def around(self) -> Ints:
@@ -86,7 +85,7 @@ class CutMesh:
     def flipped(self) -> CutMesh:
         """Return the mesh, flat triangles parted across their longest side with those beyond it.
 
-        On the border they are parted at the foot of their height. Stresses in flat triangles are
+        On the border and between laws at the foot of their height. Stresses in flat triangles are
         so stiff that what is soft would drown in rounding.
         """
         flat, longest = self._flatness, self._legs.argmax(axis=1)
@@ -107,30 +106,28 @@ class CutMesh:
                 known |= {row, other}
         if known:
             return replace(self, triangle=triangle, leaf=leaf).flipped()
-        rows = np.flatnonzero((flat < FLAT) & (beyond < 0))
+        rows = np.flatnonzero((flat < FLAT) & ((beyond < 0) | (self.law[beyond] != self.law)))
         return self._parted(rows, longest[rows]) if len(rows) else self
 
     def _parted(self, rows: Ints, longest: Ints) -> CutMesh:
-        """Return the mesh, triangles with their longest side on the border parted at its foot."""
-        a, b, tip = self.triangle[rows[:, None], (longest[:, None] + np.arange(3)) % 3].T
-        start, run = self.place[a], self.place[b] - self.place[a]
+        """Return the mesh, the longest sides of some triangles parted at the foot of the height."""
+        edge, tip = self.edge[rows, longest], self.triangle[rows, longest - 1]
+        sides, each = self.beside[edge], np.arange(len(edge))[:, None]
+        last = np.full(len(self.triangle) + 1, -1)
+        last[sides] = each  # a triangle is parted once
+        chosen = ((sides < 0) | (last[sides] == each)).all(axis=1)
+        edge, tip, sides = edge[chosen], tip[chosen], sides[chosen]
+        start, run = self.place[self.ends[edge, 0]], self.run[edge]
         along = ((self.place[tip] - start) * run).sum(axis=1) / (run**2).sum(axis=1)
-        foot, triangle = len(self.place) + np.arange(len(rows)), self.triangle.copy()
-        triangle[rows] = np.stack([a, foot, tip], axis=1)
-        return CutMesh(
-            np.concatenate([self.place, start + along[:, None] * run]),
-            np.concatenate([triangle, np.stack([foot, b, tip], axis=1)]),
-            np.append(self.leaf, self.leaf[rows]),
-            np.append(self.law, self.law[rows]),
-            np.stack([a, b], axis=1),
-        )
-
-    def unparted(self, ends: Ints) -> Ints:
-        """Return the ends of edges on the border, of halves those of the whole."""
-        foot = ends.max(axis=1) - (len(self.place) - len(self.spans))
-        whole = ends.copy()
-        whole[foot >= 0] = self.spans[foot[foot >= 0]]
-        return whole
+        part, side = np.nonzero(sides >= 0)
+        of, foot = sides[part, side], len(self.place) + part
+        at = (self.edge[of] == edge[part, None]).argmax(axis=1)
+        a, b, c = self.triangle[of[:, None], (at[:, None] + np.arange(3)) % 3].T
+        triangle, feet = self.triangle.copy(), start + along[:, None] * run
+        triangle[of] = np.stack([a, foot, c], axis=1)
+        triangle = np.concatenate([triangle, np.stack([foot, b, c], axis=1)])
+        leaf, law = (np.append(one, one[of]) for one in (self.leaf, self.law))
+        return CutMesh(np.concatenate([self.place, feet]), triangle, leaf, law, self.ends[edge])
 
     @cached_property
     def _legs(self) -> Floats:
@@ -197,7 +194,8 @@ def mesh_of(filled: Filled) -> CutMesh:
     names = named(filled.corners.reshape(-1, 2))
     _, first, number = np.unique(names, return_index=True, return_inverse=True)
     place = filled.corners.reshape(-1, 2)[first]
-    return CutMesh(place, number.reshape(-1, 3), filled.leaf, filled.law).torn().flipped()
+    triangle, none = number.reshape(-1, 3), np.empty((0, 2), dtype=np.int64)
+    return CutMesh(place, triangle, filled.leaf, filled.law, none).torn().flipped()
 
 
 @dataclass(frozen=True, eq=False)
@@ -251,7 +249,10 @@ class Border:
                 pull += slope * at[on, :, 1 - axis]
                 traction[on, axis] += pull.mean(axis=1)
                 tilt[on, axis] = 0.5 * (pull[:, 1] - pull[:, 0])
-        outline = _outline_of(mesh.place[mesh.unparted(ends)], side < 0, along)
+        # halves of an edge lie on the outline that the whole lies on
+        whole, foot = ends.copy(), ends.max(axis=1) - len(mesh.place) + len(mesh.spans)
+        whole[foot >= 0] = mesh.spans[foot[foot >= 0]]
+        outline = _outline_of(mesh.place[whole], side < 0, along)
         held[np.isin(outline, [*body.rigid])] = True
         outward = np.stack([run[:, 1], -run[:, 0]], axis=1) / length[:, None]
         for one in body.outlines:

@@ -102,11 +102,14 @@ def wide(modulus: float, ratio: float) -> kaju.ElasticResult:
     return kaju.solve(plate(modulus, ratio, [disk(1.0)], size=20.0), tolerance=0.01)
 
 
-@pytest.mark.parametrize(("modulus", "ratio"), [(0.2, 0.4), (0.01, 0.3)])
-def test_the_peak_beside_a_soft_inclusion_is_goodiers(modulus: float, ratio: float) -> None:
+# of the last neither material is the stiffer one: what lies between polygons is softer than both
+@pytest.mark.parametrize(
+    ("modulus", "ratio", "off"), [(0.2, 0.4, 0.02), (0.01, 0.3, 0.02), (1.0, 0.49, 0.1)]
+)
+def test_the_peak_beside_a_soft_inclusion_is_goodiers(modulus, ratio, off) -> None:
     answer = wide(modulus, ratio)
     peak = goodier(modulus, ratio)[0]
-    assert answer.outline_stress("grain")[1].max() == pytest.approx(1e6 * peak, rel=0.02)
+    assert answer.outline_stress("grain")[1].max() == pytest.approx(1e6 * peak, rel=off)
     assert answer.agents < 400
 
 

@@ -155,8 +155,9 @@ def test_samples_of_a_circle_are_a_body_near_to_it(tmp_path: Path) -> None:
     assert np.array_equal(again.displacement_at(points), one.displacement_at(points))
 
 
-def test_samples_of_a_plane_end_in_a_straight_line(tmp_path: Path) -> None:
-    np.save(tmp_path / "fall.npy", np.array([[1.0, 0.0], [0.0, -1.0]]))
+@pytest.mark.parametrize("corner", [[1.0, -1.0], [-1.0, 1.0]])  # lower left, upper right
+def test_samples_of_a_plane_end_in_a_straight_line(tmp_path: Path, corner: list[float]) -> None:
+    np.save(tmp_path / "fall.npy", np.diag(corner))
     region = {"image": {"file": str(tmp_path / "fall.npy"), "level": 0.5}}
     answer = kaju.solve(body(hole(**region), **PULLED, sides={"left": "rigid"}), tolerance=0.2)
     assert answer.area.sum() == pytest.approx(0.01 * 7 / 8, rel=1e-9)

@@ -19,7 +19,7 @@ ELEMENT = ThreeElement(K_f=2.0, D_f=3.0, D_d=5.0)
         ((0.0, 0.0, 1.0), "K_f and D_f: both are 0"),
         ((-1.0, 0.0, 1.0), "K_f: must be 0, or from"),
         ((inf, 0.0, 1.0), "K_f: must be 0, or from"),
-        ((5e-324, 1.0, 1.0), "K_f: must be 0, or from"),
+        ((9e-101, 1.0, 1.0), "K_f: must be 0, or from"),
         ((1.0, nan, 1.0), "D_f: must be 0, or from"),
         ((1.0, 1.0, 0.0), "D_d: must be from"),
         ((1.0, 1.0, nan), "D_d: must be from"),

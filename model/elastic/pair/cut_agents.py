@@ -14,7 +14,7 @@ from kaju.errors import ResultError
 from kaju.model.elastic.goals.quantities import Deflection, Stress
 from kaju.model.outline.hoop_stress import HoopStress
 from kaju.model.outline.posed_outlines import SIDES, OutlinedBody
-from kaju.model.outline.true_shapes import TINY, UNIT, leaf_at
+from kaju.model.outline.true_shapes import UNIT, leaf_at
 from kaju.model.results.cuts import Carrying, Cuts, axis_of_cuts, cuts_through
 
 from .answer import PairAgents
@@ -159,11 +159,8 @@ class CutAgents(PairAgents):
     def material_at(self, points: Floats) -> Ints:
         """Return which of the scene's materials is at points (m), -1 outside of the body."""
         points = points_in(points, 2)
-        lattice = self.ground.asked.lattice
-        extent, off = np.asarray(lattice.extent), TINY * min(lattice.extent)
-        within = ((points >= -off) & (points <= extent + off)).all(axis=1)
-        within &= self._leaf(points) >= 0
-        return np.where(within, np.maximum(self.ground.material_at(points), -1), -1)
+        found = np.maximum(self.ground.material_at(points), -1)
+        return np.where(self._leaf(points) >= 0, found, -1)
 
     def placed(self, points: Floats, cells: Ints | None = None) -> tuple[Ints, Floats]:
         """Return the agents in or on which points (m) lie, or those near, and places in edges."""

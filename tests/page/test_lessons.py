@@ -152,6 +152,7 @@ def test_the_index_shows_every_lesson(tmp_path, chromium, request):
 
 def test_a_guess_is_not_judged_and_what_a_question_looks_at_is_there(opened, tmp_path):
     page = opened(*make_pages.make_lesson(lesson("who-holds-the-load"), tmp_path))
+    assert "stands on firm ground" in page.text("aside .flow")
     page.tab.get_by_role("tab", name="Step").click()  # locked until there is a guess
     assert page.js("page.lesson.step") == "predict"
     assert page.tab.get_by_role("button", name="Elasticity").count() == 0
@@ -159,12 +160,15 @@ def test_a_guess_is_not_judged_and_what_a_question_looks_at_is_there(opened, tmp
     page.tab.keyboard.press("Tab")
     assert page.tab.get_by_text("correct").count() == 0
     page.press("Next: Step")
-    page.tab.reload()  # it opens where the reader was
+    page.js("page.speak('de')")
+    page.tab.reload()  # it opens where the reader was, in the language chosen
     page.until("page?.drawn && page.lesson.step === 'step' && page.lesson.done[0] === 'predict'")
+    assert page.js("page.language") == "de"
     shorter = make_pages.make_lesson(lesson("how-things-break"), tmp_path)[1]
     page = opened(shorter, language="de-DE")  # it opens at its end, where it is asked for
     assert page.text("h1") == "Ein halb so langer Schnitt · Wie Dinge brechen"
     assert page.js("[page.lesson.step, page.g === page.run.generation]") == ["explain", True]
+    assert page.text("a[aria-current]") == "kürzeren"  # this page
     page.js("(page.lesson.answers.warning = ['2 cm'], page.lesson.open(3))")
     assert "bitte in Federn" in page.text("aside .flow")
     page = opened(*make_pages.make_lesson(lesson("blow-up"), tmp_path))

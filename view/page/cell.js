@@ -252,7 +252,7 @@ export function storyOf(page, k) {
 export function tellStory(page, element) {
   const { run, picked: k, t } = page, L = run.lattice;
   const paragraph = (text) => make("p", { textContent: text });
-  if (k < 0) { element.replaceChildren(paragraph(t("pick"))); return; }
+  if (k < 0) { element.replaceChildren(paragraph(t(page.touchable && !page.lesson ? "begin" : "pick"))); return; }
   const kind = run.kinds[k], { materials } = run.scene, head = t("cellOf", { c: `(${L.cell(k).join(", ")})` }) + (kind >= 0 && materials.length > 1 ? `, ${materials[kind].name}` : "");
   if (kind < 0) {
     element.replaceChildren(make("b", { textContent: head }), paragraph(t(kind === AIR ? "isAir" : kind === RIGID ? "isRigid" : "isRoller")));

@@ -362,9 +362,9 @@ export function paintLegend({ ctx, w, h }, scale, label, kind, show, inks, ticks
   const n = Math.max(140, Math.min(300, 0.5 * w)), x = Math.round((w - n) / 2), y = h - 32, { low, high, log } = scale;
   const colours = low < 0 ? inks.differences : inks.steps;
   ctx.font = FONT; ctx.fillStyle = inks.ink; ctx.textBaseline = "bottom"; ctx.textAlign = "left";
-  const room = n - ctx.measureText(kind).width - 10;
-  ctx.fillText(label, ctx.measureText(label).width > room ? Math.max(4, x - ctx.measureText(label).width + room) : x, y - 3, Math.max(room, w - 120));
-  ctx.fillStyle = inks.soft; ctx.textAlign = "right"; ctx.fillText(kind, x + n, y - 3);
+  const over = Math.max(0, ctx.measureText(label).width + ctx.measureText(kind).width + 10 - n);   // words wider than the bar reach beyond it on both sides
+  ctx.fillText(label, Math.max(4, x - over), y - 3, w - 120);
+  ctx.fillStyle = inks.soft; ctx.textAlign = "right"; ctx.fillText(kind, x + n + Math.max(0, over - x + 4), y - 3);
   colours.forEach((colour, i) => { ctx.fillStyle = colour; ctx.fillRect(x + Math.round(i * n / colours.length), y, Math.ceil(n / colours.length), 10); });
   ctx.textBaseline = "top"; ctx.fillStyle = inks.soft;
   let free = -Infinity;

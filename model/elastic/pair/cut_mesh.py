@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from kaju.arrays import Flags, Floats, Ints, nearest
+from kaju.arrays import Flags, Floats, Ints
 from kaju.model.outline.leaf_triangles import Filled, named
 from kaju.model.outline.posed_outlines import SIDES, OutlinedBody, UnlikeError
 from kaju.model.outline.true_shapes import TINY, pieces_of
@@ -32,7 +32,6 @@ class CutMesh:
     triangle: Ints  # vertices, counter-clockwise, shape (triangles, 3)
     leaf: Ints  # of each triangle
     law: Ints
-    spans: Ints  # ends of the edges that the last vertices part, shape (m, 2)
 
     @property
     def around(self) -> Ints:
@@ -127,7 +126,7 @@ class CutMesh:
         triangle[of] = np.stack([a, foot, c], axis=1)
         triangle = np.concatenate([triangle, np.stack([foot, b, c], axis=1)])
         leaf, law = (np.append(one, one[of]) for one in (self.leaf, self.law))
-        return CutMesh(np.concatenate([self.place, feet]), triangle, leaf, law, self.ends[edge])
+        return CutMesh(np.concatenate([self.place, feet]), triangle, leaf, law)
 
     @cached_property
     def _legs(self) -> Floats:
@@ -194,8 +193,7 @@ def mesh_of(filled: Filled) -> CutMesh:
     names = named(filled.corners.reshape(-1, 2))
     _, first, number = np.unique(names, return_index=True, return_inverse=True)
     place = filled.corners.reshape(-1, 2)[first]
-    triangle, none = number.reshape(-1, 3), np.empty((0, 2), dtype=np.int64)
-    return CutMesh(place, triangle, filled.leaf, filled.law, none).torn().flipped()
+    return CutMesh(place, number.reshape(-1, 3), filled.leaf, filled.law).torn().flipped()
 
 
 @dataclass(frozen=True, eq=False)
@@ -249,10 +247,7 @@ class Border:
                 pull += slope * at[on, :, 1 - axis]
                 traction[on, axis] += pull.mean(axis=1)
                 tilt[on, axis] = 0.5 * (pull[:, 1] - pull[:, 0])
-        # halves of an edge lie on the outline that the whole lies on
-        whole, foot = ends.copy(), ends.max(axis=1) - len(mesh.place) + len(mesh.spans)
-        whole[foot >= 0] = mesh.spans[foot[foot >= 0]]
-        outline = _outline_of(mesh.place[whole], side < 0, along)
+        outline = _outline_of(at, side < 0, along)
         held[np.isin(outline, [*body.rigid])] = True
         outward = np.stack([run[:, 1], -run[:, 0]], axis=1) / length[:, None]
         for one in body.outlines:
@@ -298,9 +293,13 @@ def _outline_of(at: Floats, inner: Flags, along: list[Floats]) -> Ints:
     outline = np.full(len(at), -1)
     for region, line in enumerate(along):
         outline[inner & (pieces_of(line, at)[0] >= 0)] = region
-    # others lie along the sides of leaves, or stand for slivers that were left out
-    on, rest = np.flatnonzero(outline >= 0), np.flatnonzero(inner & (outline < 0))
-    if len(on) and len(rest):
-        _, near = nearest(at[on].mean(axis=1), at[rest].mean(axis=1))
-        outline[rest] = outline[on[near]]
+    # Others are halves of these, or stand for slivers left out: the nearest line is theirs.
+    rest = np.flatnonzero(inner & (outline < 0))
+    middle, least = at[rest].mean(axis=1), np.full(len(rest), np.inf)
+    for region, line in enumerate(along):
+        run, away = line[:, 1] - line[:, 0], middle[:, None] - line[:, 0]
+        share = np.clip((away * run).sum(axis=2) / (run**2).sum(axis=1), 0.0, 1.0)
+        off = np.hypot(*np.moveaxis(away - share[..., None] * run, 2, 0)).min(1, initial=np.inf)
+        outline[rest[off <= least]] = region
+        least = np.minimum(least, off)
     return outline

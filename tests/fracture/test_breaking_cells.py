@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from artists import axes_of, drawn
 from typer.testing import CliRunner
 
 import kaju
@@ -51,6 +52,7 @@ def test_every_break_is_what_the_body_left_says():
         share = body.borne() / broken.strengths
         assert np.argmax(share) == broken.broken[count]
         assert 1.0 / share.max() == pytest.approx(broken.load_factor[count], rel=1e-9)
+    assert len(drawn(axes_of(broken, "crack", breaks=4), "broken")) == 4
 
 
 def test_corrected_factors_give_the_same_breaks_as_new_ones(monkeypatch):

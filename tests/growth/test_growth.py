@@ -141,6 +141,7 @@ _BY_STEP = ("compliances", "volumes", "changes", "iterations", "designs")
         lambda arrays, about: arrays.update(cells=arrays["cells"] + 1.0),
         lambda arrays, about: arrays.update(designs=arrays["designs"][:-1]),
         lambda arrays, about: about.update(stage=7),
+        lambda arrays, about: about.pop("kind"),
         lambda arrays, about: [arrays.update({n: arrays[n][:0]}) for n in _BY_STEP],
     ],
 )

@@ -124,9 +124,11 @@ def test_a_peak_of_an_outline_at_a_rigid_side_is_that_of_its_rounded_parts() -> 
 def test_where_an_outline_meets_a_side_the_angle_says_whether_stress_has_a_limit(
     side, material, without, within
 ) -> None:
-    for angle in (*without, *within):
+    for number, angle in enumerate((*without, *within)):
         across, down = 6.0 * np.cos(np.radians(angle)), 6.0 * np.sin(np.radians(angle))
-        corners = [[10.0, 20.0], [10.0 - across, 20.0 - down], [30.0, 10.0], [30.0, 20.0]]
+        off = 0.5 * (number % 2)  # every other starts beyond the side
+        start, end = [10.0 + off * across, 20.0 + off * down], [10.0 - across, 20.0 - down]
+        corners = [start, end, [30.0, 10.0], [30.0, 20.0 + off * down]]
         sides = {"top": side, "left": "rigid", "bottom": "roller"}
         answer = kaju.solve(plate(region(material, polygon=corners), sides=sides), tolerance=0.5)
         near = np.isclose(answer.sharp_corners, [10.0, 20.0]).all(axis=1)

@@ -73,13 +73,14 @@ def test_elastic_agents_move_as_they_yield(tmp_path):
     assert not moved[0].any()
     along = moved[-1][np.arange(len(axis)), axis]
     np.testing.assert_allclose(along, run.agents.displacement[own], rtol=2e-5)
-    # across its normal a face goes with the four faces round it; all of those inside are there
+    # across its normal a face goes with the four faces round it, or with those that are there
     places = np.rint(run.agents.position[own] / 0.01).astype(int)  # half cells
     at = {(a, *p): d for a, p, d in zip(axis, places.tolist(), along, strict=True)}
     for a, b, (x, y), told in zip(axis, 1 - axis, places.tolist(), moved[-1], strict=True):
         round_it = [at.get((b, x + i, y + j)) for i in (-1, 1) for j in (-1, 1)]
-        if a == 0 and None not in round_it:
-            assert told[b] == pytest.approx(np.mean(round_it), rel=1e-4, abs=1e-14)
+        there = [one for one in round_it if one is not None]
+        if a == 0:
+            assert told[b] == pytest.approx(np.mean(there), rel=1e-4, abs=1e-14)
 
 
 @cache

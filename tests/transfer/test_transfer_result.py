@@ -5,7 +5,8 @@ import pytest
 from plates import loaded
 from transfer_answers import assert_same
 
-from kaju import LoadModel, PrescribedRule, TransferResult
+from kaju import ElasticResult, LoadModel, PrescribedRule, TransferResult
+from kaju.errors import ResultFileError
 
 
 @pytest.fixture(scope="module")
@@ -25,6 +26,8 @@ def test_a_result_survives_storing(result, tmp_path):
     for one, other in zip(result.stages, again.stages, strict=True):
         assert_same(one, other)
     assert [file.name for file in tmp_path.iterdir()] == ["run.npz"], "nothing half-written"
+    with pytest.raises(ResultFileError, match=r"holds a result of kind .*, not of 'elastic"):
+        ElasticResult.load(path)
 
 
 def test_a_data_frame_has_a_row_per_agent(result):

@@ -66,20 +66,17 @@ def test_grey_images_of_all_depths_are_the_same_disk(tmp_path, name, pixels):
     assert np.array_equal(again.rasterise(), scenes[0].rasterise())
 
 
-def image_of(path):
-    body = {"image": str(path), "cell_size": 0.01, "thickness": 0.01, "allow_floating": True}
-    force = {"region": {"box": [[0, 0], [1, 1]]}, "force": [0, -1.0]}
-    return kaju.Scene(body=body, legend={"black": "steel", "white": "air"}, loads=[force])
-
-
 def test_a_photo_is_turned_as_viewers_show_it(tmp_path):
     pixels = np.full((20, 30, 3), 255, np.uint8)
     pixels[0, 0] = 0
     photo = Image.fromarray(pixels)
     exif = photo.getexif()
     exif[0x0112] = 6  # a quarter turn clockwise: the first pixel comes to the upper right
-    photo.save(tmp_path / "turned.png", exif=exif)
-    scene = image_of(tmp_path / "turned.png")
+    path = tmp_path / "turned.png"
+    photo.save(path, exif=exif)
+    body = {"image": str(path), "cell_size": 0.01, "thickness": 0.01, "allow_floating": True}
+    force = {"region": {"box": [[0, 0], [1, 1]]}, "force": [0, -1.0]}
+    scene = kaju.Scene(body=body, legend={"black": "steel", "white": "air"}, loads=[force])
     assert np.argwhere(scene.rasterise() >= 0).tolist() == [[19, 29]]
 
 

@@ -52,6 +52,13 @@ def test_earlier_generations_can_be_drawn(flat):
         assert f"step {step} of spawning: {generation.agents} agents" in words(figure)
 
 
+def test_agents_too_small_to_be_seen_are_drawn_together(flat, monkeypatch):
+    monkeypatch.setattr("kaju.view.layers.FINEST", 2.0)
+    squares = drawn(plot(flat, "agents"), "agents").get_paths()
+    edges = [np.ptp(path.vertices[:, 0]) for path in squares]
+    assert flat.size.min() < 0.5 * np.ptp(flat.lower[:, 0]) < min(edges)
+
+
 def test_plane_shows_the_agents_that_it_meets(solid):
     figure = plot(solid, "agents", cut={"z": 0.99})
     top = np.count_nonzero(solid.lower[:, 2] + solid.size > 0.99)

@@ -69,14 +69,14 @@ def test_a_boundary_that_absorbs(accumulate):
     assert not model.certificate.known
 
 
-def heaviest(agents):
-    return [max(agents, key=lambda agent: sum(load.total for load in agent.waiting()))]
-
-
 def test_an_order_of_ones_own():
     """One agent a step, the one with most to take; what is taken in the end is the same."""
     scene = plate([4, 4], [1, 3], [0.3, -1.0], rule=PrescribedRule(threshold=0.05, sense=True))
     together = LoadModel(scene, engine="agents").run().last
+
+    def heaviest(agents):
+        return [max(agents, key=lambda agent: sum(load.total for load in agent.waiting()))]
+
     model = LoadModel(scene, order=heaviest)
     alone = model.run().last
     assert model.certificate.known

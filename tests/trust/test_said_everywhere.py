@@ -3,6 +3,7 @@
 import json
 
 import pytest
+from artists import notes
 from plates import plate
 
 from kaju import LoadModel, load_result, load_scene, plot, solve
@@ -27,12 +28,6 @@ def scene_of(changes):
     return plate([8, 8], None, **usual | changes)
 
 
-def drawn(result, what):
-    """The notes of a picture, as one line."""
-    texts = [text for ax in plot(result, what).axes for text in ax.texts]
-    return " ".join(t.get_text().replace("\n", " ") for t in texts if t.get_gid() == "notes")
-
-
 @pytest.mark.parametrize("name", SCENES)
 def test_a_warning_stands_everywhere_once(kaju, tmp_path, name):
     changes, brief = SCENES[name]
@@ -42,7 +37,8 @@ def test_a_warning_stands_everywhere_once(kaju, tmp_path, name):
     (short,) = [each for each in result.caveats_in_brief if each.startswith(brief)]
     assert len(result.caveats_in_brief) <= len(result.notes)
     for what in ("stress", "deformed", "agents"):
-        assert drawn(result, what).count(short) == 1
+        shown = " ".join(notes(ax) for ax in plot(result, what).axes)
+        assert shown.replace("\n", " ").count(short) == 1
     assert len(set(result.notes)) == len(result.notes)
     assert result.summary()["notes"] == list(result.notes)
     assert load_result(result.save(tmp_path / "stored.npz")).notes == result.notes

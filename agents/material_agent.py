@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 
 from kaju._mesa import Cell, FixedAgent
-from kaju.arrays import Floats
 from kaju.errors import brief
 
 from .materials import Material
@@ -32,15 +31,10 @@ class LoadBox(dict[tuple[int, float, Sense], float]):
     """
 
     def __init__(
-        self,
-        called: list[LoadBox],
-        place: tuple[int, ...],
-        kind: int,
-        home: LoadBox | None = None,
-        arm: int = -1,
+        self, called: list[LoadBox], place: tuple[int, ...], home: Any = None, arm: int = -1
     ) -> None:
         self.called = called  # the boxes into which something was put in this generation
-        self.place, self.kind = place, kind  # the cell, and its material or type of boundary
+        self.place = place
         self.home, self.arm = home, arm  # beside the body: the sender's box, and over which arm
         self.agent: Any = None  # who lives in the cell, once awake
         self.senders: list[tuple[Any, tuple[int, float, Sense]]] = []  # until then, with the loads
@@ -73,11 +67,7 @@ class PlacedAgent(FixedAgent):
         return f"<{type(self).__name__} at {self.index}: {told} {self.spawn_step}>"
 
     index = property(lambda agent: agent.cell.coordinate)
-
-    @property
-    def position(self) -> Floats:
-        """Middle of the cell (m), shape (dimension,)."""
-        return np.asarray(self.model.lattice.centres(np.array([self.index]))[0])
+    position = property(lambda agent: agent.model.lattice.centres(np.array([agent.index]))[0])
 
 
 class MaterialAgent(PlacedAgent):

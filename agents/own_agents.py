@@ -60,17 +60,10 @@ def check_class(name: str, agent: object, base: type) -> None:
             cure = f'a boundary goes into boundary_agents={{"rigid": {agent.__name__}}}'
         needed = f"{name}: a subclass of {base.__name__} is needed, got {brief(agent)}"
         raise ParameterError(f"{needed}; {cure}")
-    _check_hooks(f"{name}: {agent.__name__}", agent, base)
-    _check_names(name, agent, base)
-    cure = "; take *start and call super().__init__(*start) first"
-    _check_call(f"{name}: {agent.__name__}.__init__", agent, base, cure)
-
-
-def _check_call(whose: str, own: Any, usual: Any, cure: str = "") -> None:
-    """Refuse what cannot be called as the usual one is."""
-    start = tuple(signature(usual).parameters)
-    told = f"takes {signature(own)}, but a model calls it with ({', '.join(start)})"
-    require(takes(own, *start), f"{whose} {told}{cure}")
+    classes = agent.__mro__[: agent.__mro__.index(base)][::-1]
+    brought = {k: v for one in classes for k, v in vars(one).items() if not k.startswith("_")}
+    _check_hooks(f"{name}: {agent.__name__}", agent, base, brought)
+    _check_names(name, agent, base, brought)
 
 
 def every_name(base: type) -> set[str]:
@@ -80,16 +73,10 @@ def every_name(base: type) -> set[str]:
     return set(dir(base)).union(*(code.co_names for code in codes))
 
 
-def _own_names(agent: type, base: type) -> dict[str, Any]:
-    """Return what a class of agents brings beside what its base has, but for private names."""
-    classes = agent.__mro__[: agent.__mro__.index(base)][::-1]
-    return {k: v for one in classes for k, v in vars(one).items() if not k.startswith("_")}
-
-
-def _check_names(name: str, agent: type, base: type) -> None:
+def _check_names(name: str, agent: type, base: type, brought: dict[str, Any]) -> None:
     """Refuse names that the base uses itself, and Parameters and States that are not kept."""
     used = every_name(base)
-    for key, value in _own_names(agent, base).items():
+    for key, value in brought.items():
         plain = not hasattr(value, "__get__") and hasattr(getattr(base, key, None), "__get__")
         hides = key in used if isinstance(value, Declaration) else plain
         told = f"{key}: {base.__name__} uses this name; take another in {agent.__name__}"
@@ -101,9 +88,9 @@ def _check_names(name: str, agent: type, base: type) -> None:
     require(base is not FaceAgent or not declared([agent], Parameter), told)
 
 
-def _check_hooks(whose: str, agent: type, base: type) -> None:
+def _check_hooks(whose: str, agent: type, base: type, brought: dict[str, Any]) -> None:
     """Refuse methods nearly called as a hook, hooks with other arguments, steps that take none."""
-    own = {k: v for k, v in _own_names(agent, base).items() if isinstance(v, FunctionType)}
+    own = {k: v for k, v in brought.items() if isinstance(v, FunctionType)}
     never = {"step"} - {*HOOKS[base]}  # which Mesa's agents have, and kaju calls of cells only
     for key in own.keys() - (set(dir(base)) - never):
         bare = key.lower().removeprefix("on_").removeprefix("do_")  # as other frameworks' hooks
@@ -112,12 +99,15 @@ def _check_hooks(whose: str, agent: type, base: type) -> None:
         meant = f"did you mean {near[0]!r}" if near else f"should it be a {' or '.join(other)}"
         told = f"{whose} has a method {key!r}, which kaju never calls; {meant}? If the name is"
         require(not (near or other), f"{told} intended, begin it with _")
-    for hook in own.keys() & {*HOOKS[base]}:
-        _check_call(f"{whose}.{hook}", own[hook], getattr(base, hook))
+    for hook in own.keys() & {*HOOKS[base]} | {"__init__"}:
+        function, start = getattr(agent, hook), tuple(signature(getattr(base, hook)).parameters)
+        told = f"{whose}.{hook} takes {signature(function)}, but a model calls it with"
+        cure = "; take *start and call super().__init__(*start) first" * (hook == "__init__")
+        require(takes(function, *start), f"{told} ({', '.join(start)}){cure}")
     called = own["step"].__code__.co_names if "step" in own else ("step",)
-    takes = not {"step", "take", "pass_on"}.isdisjoint(called)
     told = f"{whose}.step never calls super().step(), so its agents would take no load; call it,"
-    require(takes, f"{told} or override take, emissions or pass_on instead")
+    acts = not {"step", "take", "pass_on"}.isdisjoint(called)
+    require(acts, f"{told} or override take, emissions or pass_on instead")
 
 
 # Answers, in a run.
@@ -167,9 +157,8 @@ class OwnAgents:
     def check_begun(self, agent: PlacedAgent | FaceAgent, place: tuple[int, ...]) -> None:
         """Refuse an agent whose `__init__` has not called that of its base."""
         if not hasattr(agent, "spawn_step"):
-            where = f"cell {place} in generation {self.model.generation}"
-            told = f"{type(agent).__name__} at {where} must call super().__init__ with all of its"
-            raise AgentError(f"__init__: {told} arguments")
+            told = f"{type(agent).__name__} must call super().__init__ with all of its arguments"
+            raise AgentError(f"__init__: {told}; it woke at cell {place}")
         if type(agent) not in self.names:
             known = {*vars(agent), *declared([type(agent)], Declaration)}
             self.names[type(agent)] = sorted(n for n in known if n[0] != "_")

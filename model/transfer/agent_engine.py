@@ -76,6 +76,7 @@ class AgentEngine:
         self.edge = round(256 ** (1.0 / self.lattice.dimension))
         self.seen: dict[Index, tuple[int, int, int]] = {}  # kind, number and form of cells
         self._sent: dict[tuple[Shares, int], SentOut] = {}
+        self._same: dict[Any, Any] = {}  # boxes find a load sooner if equal ones are one object
         self.space = space_of(self.lattice, model.random)
         self.agents: dict[Index, MaterialAgent] = {}
         self.boundaries: dict[Index, BoundaryAgent] = {}
@@ -89,11 +90,8 @@ class AgentEngine:
         applied = (cells.tolist(), direction.tolist(), magnitude.tolist(), pull.tolist())
         for cell, along, size, pulls in zip(*applied, strict=True):
             place = tuple(cell)
-            if place not in self.boxes:
-                kind = (self.seen.get(place) or self._look_round(place))[0]
-                self.boxes[place] = LoadBox(self.called, place, kind)
-            load = Load(along, size, 1.0, "pull" if pulls else "push")
-            self._bring(self.boxes[place], load)
+            box = self.boxes.setdefault(place, LoadBox(self.called, place))
+            self._bring(box, Load(along, size, 1.0, "pull" if pulls else "push"))
         self._open_boxes()
 
     def _clear(self) -> None:
@@ -118,6 +116,8 @@ class AgentEngine:
     def begin(self) -> None:
         """Count a generation, and see for whom loads wait."""
         self.generation += 1
+        if len(self._same) > MOST_REMEMBERED:
+            self._same.clear()
         self.waiting = [agent for agent in self.agents.values() if agent.inbox]
 
     def act(self, order: Order[MaterialAgent] | None = None) -> None:
@@ -132,7 +132,7 @@ class AgentEngine:
         left = sum((load.total for agent in late for load in agent.waiting()), start=0.0)
         self.taken += self.pending - left
         given = 0.0
-        for box in [box for box in self.called if box.kind < 0]:
+        for box in [box for box in self.called if box.home is not None]:
             given += self._give_back(box)
         self.returned += given
         self._open_boxes()
@@ -145,8 +145,7 @@ class AgentEngine:
 
     def _give_back(self, box: LoadBox) -> float:
         """Let a boundary agent give back what one agent has handed over; return the sum (N)."""
-        given, home = 0.0, box.home
-        assert home is not None
+        given = 0.0
         loads = self._judged(box) if self.accumulate else dict(box)
         box.clear()
         for (direction, magnitude, sense), copies in loads.items():
@@ -154,12 +153,12 @@ class AgentEngine:
             back = boundary.answer(Load(direction, magnitude, copies, sense), box.arm)
             if back is not None:
                 given += back.total
-                self._bring(home, back)
+                self._bring(box.home, back)
         return given
 
     def _open_boxes(self) -> None:
         """Let loads that have come to cells wait there to be taken; agents wake where they come."""
-        called, self.called[:] = [box for box in self.called if box.kind >= 0], []
+        called, self.called[:] = [box for box in self.called if box.home is None], []
         pending, self.most_at_one = 0.0, 0
         for box in called:
             loads = self._judged(box) if self.accumulate else dict(box)
@@ -228,10 +227,9 @@ class AgentEngine:
         place = tuple(map(add, agent.cell.coordinate, step))
         kind = (self.seen.get(place) or self._look_round(place))[0]
         if kind < 0:
-            box = LoadBox(self.called, place, kind, self.boxes[agent.cell.coordinate], arm)
+            box = LoadBox(self.called, place, self.boxes[agent.cell.coordinate], arm)
         else:
-            met = self.boxes.get(place)
-            box = self.boxes[place] = LoadBox(self.called, place, kind) if met is None else met
+            box = self.boxes.setdefault(place, LoadBox(self.called, place))
         agent._around[arm] = box
         return box
 
@@ -272,7 +270,8 @@ class AgentEngine:
             elif self.accumulate:
                 sent.append((arm, (direction, 1.0, sense), size, size))
             else:
-                sent.append((arm, (direction, size, sense), size, 1.0))
+                load = (direction, size, sense)
+                sent.append((arm, self._same.setdefault(load, load), size, 1.0))
         # Sums of loads that have met are hardly ever alike: nothing to remember.
         if (
             isinstance(emissions, Emissions)
@@ -299,7 +298,8 @@ class AgentEngine:
 
     def _wake(self, box: LoadBox, loads: Iterable[tuple[int, float, Sense]] = ()) -> Any:
         """Return who lives in the cell of a box; an agent wakes if nobody does yet."""
-        place, kind = box.place, box.kind
+        place = box.place
+        kind = (self.seen.get(place) or self._look_round(place))[0]
         if kind < 0:
             box.agent = self.boundaries.get(place)
         if box.agent is None:
@@ -362,7 +362,7 @@ class AgentEngine:
     def totals(self) -> Totals:
         """Return what each agent has done by now."""
         agents = self._ordered(self.agents.values())
-        for agent in agents:
+        for agent in agents if self.own_classes else ():
             self.guard.check_books(agent)
         cells, axes = self._places(agents), len(self.lattice.axes)
         material = np.array([agent._kind for agent in agents], dtype=np.int64)

@@ -123,9 +123,8 @@ class PageEngine(AgentEngine):
         self._clear()
         for cell, state, size in model.loads:
             place, sense = tuple(cell), SENSES[state // self.lattice.directions]
-            if place not in self.boxes:
-                self.boxes[place] = LoadBox(self.called, place, self._look_round(place)[0])
-            self._bring(self.boxes[place], Load(state % len(self.opposite), float(size), 1.0, sense))
+            box = self.boxes.setdefault(place, LoadBox(self.called, place))
+            self._bring(box, Load(state % len(self.opposite), float(size), 1.0, sense))
         self._open_boxes()
 
     def _look_round(self, place):

@@ -37,9 +37,7 @@ class BoundaryAgent(PlacedAgent):
     """
 
     goes_into = 'LoadModel, boundary_agents={{"rigid": {}}}'
-    name = ""
-    """"free", "rigid" or "roller"."""
-
+    name: str  # "free", "rigid" or "roller"
     returned = property(lambda agent: sum(agent.passed.values()))
 
     def answer(self, load: Load, arm: int) -> Load | None:

@@ -30,12 +30,9 @@ class LoadBox(dict[tuple[int, float, Sense], float]):
     magnitude 1 N, and copies are newtons. When all agents have acted, the engine opens the boxes.
     """
 
-    def __init__(
-        self, called: list[LoadBox], place: tuple[int, ...], home: Any = None, arm: int = -1
-    ) -> None:
+    def __init__(self, called: list[LoadBox], place: tuple[int, ...], home: Any = None) -> None:
         self.called = called  # the boxes into which something was put in this generation
-        self.place = place
-        self.home, self.arm = home, arm  # beside the body: the sender's box, and over which arm
+        self.place, self.home = place, home  # home: beside the body, the sender's box and arm
         self.agent: Any = None  # who lives in the cell, once awake
         self.senders: list[tuple[Any, tuple[int, float, Sense]]] = []  # until then, with the loads
 
@@ -48,8 +45,6 @@ class LoadBox(dict[tuple[int, float, Sense], float]):
 
 class PlacedAgent(FixedAgent):
     """An agent that stands for a cell of the scene, or for one just beside the body."""
-
-    model: Any
 
     def __init__(self, model: Any, cell: Cell) -> None:
         """Wake in a cell; an `__init__` of your own takes *start and calls this one with them."""
@@ -196,11 +191,9 @@ class MaterialAgent(PlacedAgent):
             points, both as in `lattice.direction_names`; its size for each newton taken; and
             "push", or "pull" if the rule has a sense.
         """
-        shares, sent = self._sent_by
-        if shares is not self.shares:
-            sent = self.engine.emissions_of(self)
-            self._sent_by = self.shares, sent
-        return sent[load[3]][load[0]]
+        if self._sent_by[0] is not self.shares:
+            self._sent_by = self.shares, self.engine.emissions_of(self)
+        return self._sent_by[1][load[3]][load[0]]
 
     def pass_on(self, load: Load) -> None:
         """Hand the `emissions` of a load to the neighbours, unless they are too small.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from difflib import get_close_matches
 from inspect import signature, unwrap
@@ -18,8 +18,8 @@ from .boundary_agent import BOUNDARIES, BoundaryAgent
 from .face_agent import FaceAgent
 from .material_agent import MaterialAgent, PlacedAgent
 from .materials import Material
-from .parameter import Declaration, Parameter, State, declared, is_number
-from .shares import Load, Sense, Shares
+from .parameter import Declaration, State, declared, is_number
+from .shares import Load, Shares
 
 HOOKS: dict[type, tuple[str, ...]] = {
     MaterialAgent: ("take", "emissions", "pass_on", "shortening", "step"),
@@ -81,11 +81,10 @@ def _check_names(name: str, agent: type, base: type, brought: dict[str, Any]) ->
         hides = key in used if isinstance(value, Declaration) else plain
         told = f"{key}: {base.__name__} uses this name; take another in {agent.__name__}"
         require(not hides, told)
-    told = f"{name}: results keep a State of material agents only; let {agent.__name__} have a"
-    fits = base is MaterialAgent or not declared([agent], State)
-    require(fits, f"{told} plain attribute, seen in model.agents")
-    told = f"{name}: ElasticModel takes no Parameter; let {agent.__name__} have a plain number"
-    require(base is not FaceAgent or not declared([agent], Parameter), told)
+    unkept = declared([agent], Declaration if base is FaceAgent else State)
+    told = f"{name}: a State is kept of material agents only, and ElasticModel takes no Parameter;"
+    fits = base is MaterialAgent or not unkept
+    require(fits, f"{told} let {agent.__name__} have a plain attribute, seen in model.agents")
 
 
 def _check_hooks(whose: str, agent: type, base: type, brought: dict[str, Any]) -> None:
@@ -104,10 +103,9 @@ def _check_hooks(whose: str, agent: type, base: type, brought: dict[str, Any]) -
         told = f"{whose}.{hook} takes {signature(function)}, but a model calls it with"
         cure = "; take *start and call super().__init__(*start) first" * (hook == "__init__")
         require(takes(function, *start), f"{told} ({', '.join(start)}){cure}")
-    called = own["step"].__code__.co_names if "step" in own else ("step",)
     told = f"{whose}.step never calls super().step(), so its agents would take no load; call it,"
-    acts = not {"step", "take", "pass_on"}.isdisjoint(called)
-    require(acts, f"{told} or override take, emissions or pass_on instead")
+    acts = "step" not in own or {"step", "take", "pass_on"} & {*own["step"].__code__.co_names}
+    require(bool(acts), f"{told} or override take, emissions or pass_on instead")
 
 
 # Answers, in a run.
@@ -130,15 +128,11 @@ def noting_agents() -> Iterator[None]:
 
 
 class OwnAgents:
-    """Checks what agents of your own answer, on a body with these arms (by form) and senses."""
+    """Checks what agents of your own answer."""
 
-    def __init__(
-        self, model: Any, arms: Sequence[Sequence[int]], directions: int, senses: tuple[Sense, ...]
-    ) -> None:
-        self.model, self.directions, self.senses = model, directions, senses
+    def __init__(self, model: Any) -> None:
+        self.model = model
         self.names: dict[type, list[str]] = {}  # of attributes that agents of a class wake with
-        every = range(directions)  # a boundary, which has no form, may give back over any
-        self.arms_of: dict[Any, Sequence[int]] = {None: every, **dict(enumerate(arms))}
 
     def called(self, agent: PlacedAgent | FaceAgent) -> str:
         """Return how errors call an agent: its class, and where and when it acts."""
@@ -157,8 +151,9 @@ class OwnAgents:
     def check_begun(self, agent: PlacedAgent | FaceAgent, place: tuple[int, ...]) -> None:
         """Refuse an agent whose `__init__` has not called that of its base."""
         if not hasattr(agent, "spawn_step"):
-            told = f"{type(agent).__name__} must call super().__init__ with all of its arguments"
-            raise AgentError(f"__init__: {told}; it woke at cell {place}")
+            where = f"cell {place} in generation {self.model.generation}"
+            told = f"{type(agent).__name__} at {where} must call super().__init__ with all of its"
+            raise AgentError(f"__init__: {told} arguments")
         if type(agent) not in self.names:
             known = {*vars(agent), *declared([type(agent)], Declaration)}
             self.names[type(agent)] = sorted(n for n in known if n[0] != "_")
@@ -194,7 +189,7 @@ class OwnAgents:
             except (TypeError, ValueError):
                 raise self.wrong(agent, "emissions", no_emission.format(brief(row))) from None
             parts = {"arm": arm, "direction": direction, "sense": sense, "share": share}
-            self._check_fit(agent, "emissions", "returned", row, parts)
+            self._check_fit(agent, "emissions", row, parts)
             checked.append((int(arm), int(direction), share, sense))  # True would mask an array
         if len(checked) > MOST_EMISSIONS:
             raise self.wrong(agent, "emissions", f"returned more than {MOST_EMISSIONS} for a load")
@@ -209,7 +204,7 @@ class OwnAgents:
             told += ", or None" * isinstance(agent, BoundaryAgent)
             raise self.wrong(agent, hook, f"hands over {brief(load)}; {told}") from None
         parts = {"direction": direction, "sense": sense, "magnitude": magnitude, "copies": copies}
-        self._check_fit(agent, hook, "hands over", load, {"arm": arm, **parts})
+        self._check_fit(agent, hook, load, {"arm": arm, **parts})
         return Load(int(direction), float(magnitude), float(copies), sense)
 
     def checked_return(self, boundary: BoundaryAgent, load: Load, back: Any) -> Load:
@@ -227,21 +222,22 @@ class OwnAgents:
             raise self.wrong(agent, "shortening", f"must return a finite number, got {brief(far)}")
         return float(far)
 
-    def _check_fit(
-        self, agent: PlacedAgent, hook: str, does: str, sent: Any, parts: dict[str, Any]
-    ) -> None:
+    def _check_fit(self, agent: PlacedAgent, hook: str, sent: Any, parts: dict[str, Any]) -> None:
         """Refuse what an agent sends if a part of it does not fit this body; say what does."""
-        arms = self.arms_of[getattr(agent, "_form", None)]
-        known = {"arm": arms, "direction": range(self.directions), "sense": self.senses}
+        lattice, senses = self.model.lattice, self.model.engine.senses
+        every = range(lattice.directions)  # a boundary, which has no form, may give back over any
+        arms = lattice.arms[agent._form] if isinstance(agent, MaterialAgent) else every
+        known = {"arm": arms, "direction": every, "sense": senses}
         fits = {n: isinstance(parts[n], Integral | str) and parts[n] in known[n] for n in known}
         sizes = [name for name in parts if name not in known]
         fits |= {name: is_number(parts[name]) and parts[name] >= 0.0 for name in sizes}
         unfit = ", ".join(name for name in fits if not fits[name])
         if not unfit:
             return
+        does = "returned" if hook == "emissions" else "hands over"
         own = f"an arm of {arms}, " if isinstance(agent, MaterialAgent) else ""
         over = f" over arm {parts['arm']!r}" if own and hook != "emissions" else ""
-        pull = "or 'pull'" if "pull" in self.senses else "('pull' needs sense = true in the rule)"
+        pull = "or 'pull'" if "pull" in senses else "('pull' needs sense = true in the rule)"
         told = f"{does} {brief(sent)}{over}; wrong: {unfit}; it must have {own}a direction from 0"
         sized = f"a finite {' and '.join(sizes)} of at least 0, and the sense 'push' {pull}"
-        raise self.wrong(agent, hook, f"{told} to {self.directions - 1}, {sized}")
+        raise self.wrong(agent, hook, f"{told} to {every[-1]}, {sized}")

@@ -58,11 +58,9 @@ class Coefficients:
 
     def __post_init__(self) -> None:
         if self.alpha is not None:
-            needed = "three shares (kept, ahead, beside) are needed"
-            require(len(self.alpha) == 3, f"alpha: {needed}, got {self.alpha}")
-            for name, share in zip(("α₁", "α₂", "α₃"), self.alpha, strict=True):
-                right = 0.0 <= share < inf
-                require(right, f"alpha: {name} must be a number, 0 or more, got {share}")
+            require(len(self.alpha) == 3, f"alpha: α₁, α₂ and α₃ are needed, got {self.alpha}")
+            for name, part in zip(("α₁", "α₂", "α₃"), self.alpha, strict=True):
+                require(0.0 <= part < inf, f"alpha: {name} must be a number, 0 or more, got {part}")
         require(0.0 <= self.beta <= 1.0, f"beta: must lie between 0 and 1, got {self.beta}")
 
     def alpha_in(self, dimension: int) -> tuple[float, float, float]:

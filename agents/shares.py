@@ -141,7 +141,5 @@ class Shares(NamedTuple):
         for key, share in passed:
             shares[key] = shares.get(key, 0.0) + share
         return tuple(
-            Emission(arm, force, share, how)
-            for (arm, force, how), share in shares.items()
-            if share > 0.0
+            Emission(arm, to, share, how) for (arm, to, how), share in shares.items() if share > 0.0
         )

@@ -65,12 +65,11 @@ class AgentEngine:
         self.axis_of: list[int] = self.lattice.axis_of.tolist()
         self.two_senses = transfer.rule.sense
         self.senses: tuple[Sense, ...] = ("push", "pull") if self.two_senses else ("push",)
-        arms = self.lattice.arms
-        self.guard = OwnAgents(model, arms, self.lattice.directions, self.senses)
+        self.guard = OwnAgents(model)
         # The way over each arm, by the form of the cell that it starts in.
         self.steps = [
-            {arm: tuple(self.lattice.steps[form, arm].tolist()) for arm in arms[form]}
-            for form in range(self.lattice.forms)
+            {arm: tuple(self.lattice.steps[form, arm].tolist()) for arm in arms}
+            for form, arms in enumerate(self.lattice.arms)
         ]
         # The scene is asked about blocks of some 256 cells, and about each but once.
         self.edge = round(256 ** (1.0 / self.lattice.dimension))
@@ -145,15 +144,15 @@ class AgentEngine:
 
     def _give_back(self, box: LoadBox) -> float:
         """Let a boundary agent give back what one agent has handed over; return the sum (N)."""
-        given = 0.0
+        given, (home, arm) = 0.0, box.home
         loads = self._judged(box) if self.accumulate else dict(box)
         box.clear()
         for (direction, magnitude, sense), copies in loads.items():
             boundary = self._wake(box) if box.agent is None else box.agent
-            back = boundary.answer(Load(direction, magnitude, copies, sense), box.arm)
+            back = boundary.answer(Load(direction, magnitude, copies, sense), arm)
             if back is not None:
                 given += back.total
-                self._bring(box.home, back)
+                self._bring(home, back)
         return given
 
     def _open_boxes(self) -> None:
@@ -227,7 +226,7 @@ class AgentEngine:
         place = tuple(map(add, agent.cell.coordinate, step))
         kind = (self.seen.get(place) or self._look_round(place))[0]
         if kind < 0:
-            box = LoadBox(self.called, place, self.boxes[agent.cell.coordinate], arm)
+            box = LoadBox(self.called, place, (self.boxes[agent.cell.coordinate], arm))
         else:
             box = self.boxes.setdefault(place, LoadBox(self.called, place))
         agent._around[arm] = box

@@ -29,7 +29,7 @@ class AgentPushEngine(PushEngine):
 
     def __init__(self, model: Any, table: PushTable, face_agent: type[FaceAgent]) -> None:
         self.model, self.face_agent = model, face_agent
-        self.guard, self.own = OwnAgents(model, (), 0, ()), face_agent is not FaceAgent
+        self.guard, self.own = OwnAgents(model), face_agent is not FaceAgent
         self.agents: list[dict[int, FaceAgent]] = []
         super().__init__(table)
 

@@ -134,7 +134,7 @@ class PageEngine(AgentEngine):
 
     def _give_back(self, box):
         given = super()._give_back(box)
-        self.back.append([self.seen[box.home.place][1], given])
+        self.back.append([self.seen[box.home[0].place][1], given])
         return given
 
 def begin(names, told):

@@ -161,9 +161,10 @@ class ArrayEngine:
         if self.accumulate:
             number = 1 - passes
         else:
-            values = np.sort(size[passes])
+            values = size[passes]
+            values.sort()  # sooner than np.sort, as is the method below
             self.values = values[_firsts(values)]
-            number = np.searchsorted(self.values, size)
+            number = self.values.searchsorted(size)
             number[~passes] = len(self.values)
         entry = number.take(self.which_share, axis=0)
         entry += (self.next_state * (len(self.values) + 1))[:, :, None]

@@ -55,7 +55,7 @@ def frames(
     for figure in looked_at:
         figure.set_dpi(RESOLUTION)
         figure.draw_without_rendering()
-    first = max(looked_at, key=lambda figure: figure.axes[0].get_title(loc="left").count("\n"))
+    first = min(looked_at, key=lambda figure: figure.axes[0].get_position(original=True).height)
     limits = [
         [_union([getattr(f.axes[n], f"get_{name}lim")() for f in looked_at]) for name in _names(ax)]
         for n, ax in enumerate(first.axes)

@@ -16,11 +16,6 @@ def plate(rule=OWN, steps=1):
     return pressed([10, 10], [5, 9], steps=steps, size=[0.1, 0.1], thickness=0.002, rule=rule)
 
 
-def as_reference(result):
-    points = result.scene.lattice.centres(np.argwhere(result.scene.rasterise() >= 0))
-    return Reference(points, result.displacement_at(points), result.stress_at(points))
-
-
 @pytest.fixture(scope="module")
 def fit():
     return fit_rule(plate(), solve(plate(), resolution=8), evaluations=120)
@@ -37,7 +32,10 @@ def test_the_fitted_rule_is_closer_and_ready_to_use(fit):
 def test_coefficients_that_made_the_reference_are_found_again():
     """The reference was made by the rule itself, so the misfit must all but vanish."""
     made = replace(OWN, alpha=(0.3, 0.6, 0.15), beta=0.9)
-    fit = fit_rule(plate(), as_reference(LoadModel(plate(made)).run()), evaluations=200)
+    run = LoadModel(plate(made)).run()
+    points = run.scene.lattice.centres(np.argwhere(run.scene.rasterise() >= 0))
+    known = Reference(points, run.displacement_at(points), run.stress_at(points))
+    fit = fit_rule(plate(), known, evaluations=200)
     assert fit.misfit[1] < 0.1 < 0.3 < fit.misfit[0]
     steps = plate(steps=3).replace(loading="continue")  # all at once
     again = fit_rule(steps, fit.after.reference, evaluations=10)

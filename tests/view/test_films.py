@@ -15,6 +15,8 @@ import kaju
 from kaju.errors import MissingExtraError, ResultFileError
 from kaju.model.network import solve as solve_network
 from kaju.model.network import triangular
+from kaju.view.films import frames
+from kaju.view.style import caption
 
 COMPONENT = {5121: np.uint8, 5125: np.uint32, 5126: np.float32}
 WIDTH = {"SCALAR": 1, "VEC3": 3, "VEC4": 4}
@@ -35,6 +37,15 @@ def cube() -> kaju.TransferResult:
 def durations(path: Path) -> list[int]:
     with Image.open(path) as film:
         return [frame.info["duration"] for frame in ImageSequence.Iterator(film)]
+
+
+def test_the_longest_notes_of_a_film_find_room(run) -> None:
+    def draw(words: int):
+        caption((figure := kaju.plot(run, "agents")).axes[0], "Agents", ["word " * words])
+        return figure
+
+    tops = [np.asarray(frame)[0] for frame in frames(draw, [1, 50, 120])]
+    assert np.min(tops) == 255  # white: nothing reaches the edge
 
 
 def test_there_is_a_frame_before_and_one_for_each_moment(run, tmp_path, coarse) -> None:

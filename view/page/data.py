@@ -231,7 +231,7 @@ def _state_columns(stage: Stage, key: Ints) -> Columns:
     columns: Columns = {}
     for course in stage.states:
         agent = np.append(np.arange(len(key)), course.agent)
-        when = np.maximum(np.append(stage.spawn_step, course.generation), 1)
+        when = np.append(stage.spawn_step, course.generation)
         value = np.append(np.full(len(key), float(course.default)), course.value)
         order = np.argsort(agent, kind="stable")
         agent, when, value = agent[order], when[order], value[order]

@@ -182,11 +182,7 @@ SQUARE = {"box": [[5.0, 5.0], [6.0, 6.0]]}
         ([HOOP, HOOP], plate(region(**DISK)), "one goal at a time, got 2"),
         (HOOP, plate(region(**SQUARE)), r"no limit: this outline has a sharp corner at \(6, 5\)"),
         (HOOP, plate(region("soft", **SQUARE)), "sharp corner"),
-        (
-            HOOP,
-            plate(region("rigid", disk={"centre": [2.0, 2.0], "radius": 1.0})),
-            "'hole' is rigid",
-        ),
+        (HOOP, plate(region("rigid", disk={"centre": [2, 2], "radius": 1})), "'hole' is rigid"),
         (HOOP, plate(region(**DISK), sides={"left": "rigid"}), "side 'left'.* or give no goal"),
         (HOOP, plate(region(**DISK), region(name="b", box=[[0, -1], [1, 3]])), "meets the outline"),
         (HOOP, plate(RIM, size=7.0, cells=7, sides={"top": "rigid"}), "side 'top'.* no goal"),
@@ -198,3 +194,8 @@ SQUARE = {"box": [[5.0, 5.0], [6.0, 6.0]]}
 def test_what_has_no_peak_is_refused_by_name(asked, scene, told) -> None:
     with pytest.raises(kaju.KajuError, match=rf"^goal: .*{told}"):
         kaju.solve(scene, tolerance=0.05, goal=asked)
+
+
+def test_a_hole_that_crosses_a_side_at_half_a_degree_does_not_touch_it() -> None:
+    crossing = plate(region(disk={"centre": [9.0, 15.0002], "radius": 5.0}))
+    assert kaju.solve(crossing, tolerance=0.5, goal="top").tolerance_kept == "proved"

@@ -122,11 +122,6 @@ def test_a_slender_member_is_divided_so_that_it_can_carry_shear():
     np.testing.assert_allclose(result.reaction, (-0.1, 1.0), atol=1e-4)
 
 
-def sheet(cells, material, **body):
-    rule = ElasticRule(order="wave")
-    return loaded([cells] * 2, material="m", materials={"m": material}, rule=rule, **body)
-
-
 def spectrum(table):
     """Eigenvalues of D⁻¹K of the scene's agents."""
     finest = table.levels[0]
@@ -137,10 +132,10 @@ def spectrum(table):
 @pytest.mark.parametrize("plane", ["stress", "strain"])
 @pytest.mark.parametrize("ratio", [0.0, 0.3, 0.45])
 def test_the_formula_is_the_limit_of_large_plates(plane, ratio):
-    material = Material("m", 1e9, ratio)
-    found = []
+    material, found = Material("m", 1e9, ratio), []
+    given = {"material": "m", "materials": {"m": material}, "plane": plane}
     for cells in (8, 16, 32):
-        scene = sheet(cells, material, plane=plane)
+        scene = loaded([cells] * 2, rule=ElasticRule(order="wave"), **given)
         found.append(ElasticModel(scene).certificate.largest_eigenvalue)
     growth = 2.0 + 4.0 * ElasticRule.shares(material, 2, plane).poisson
     gaps = growth - np.array(found)

@@ -114,6 +114,7 @@ def test_rigid_cells_inside_the_array_carry_reactions():
     result = solve(scene)
     cells = result.cells()
     assert (cells.origin, cells.body.shape) == ((2, 1), (4, 3))
+    np.testing.assert_allclose(result.middle.min(axis=0), [0.025, 0.015])
     np.testing.assert_allclose(result.reactions["rigid"], [-1.0, 2.0], atol=1e-9)
     assert list(result.reactions) == ["rigid"]
     np.testing.assert_allclose(result.displacement_at([[0.03, 0.01], [0.05, 0.01]]), 0, atol=1e-20)

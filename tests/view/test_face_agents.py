@@ -27,6 +27,7 @@ def test_moments_lead_from_the_applied_load_to_what_is_left(run):
     np.testing.assert_allclose(moments.left[-1, finest], agents.left[finest], rtol=1e-6)
     np.testing.assert_allclose(moments.taken[-1], agents.taken, rtol=1e-6)
     assert np.all(np.diff(moments.taken, axis=0) >= 0.0)
+    assert run.summary()["potential_energy"] == run.history[-1].energy < 0.0
 
 
 def test_a_stored_run_is_the_same(run, tmp_path):

@@ -94,6 +94,7 @@ def test_the_springs_of_a_network_are_coloured_by_tension() -> None:
     springs = part(axes_of(result), "springs")
     assert len(springs.get_segments()) == len(result.network.springs)
     assert springs.get_array().tolist() == result.tension[-1].tolist()
+    assert result.summary()["largest_compression_N"] == -springs.get_array().min() > 0.0
     assert springs.norm.vmin == -springs.norm.vmax
     assert "increment 4 of 4; largest force" in notes(axes_of(result))
     long = solve_network(triangular(12, 2), 1)  # it moves by 0.15 m, which 11 m hide

@@ -34,18 +34,16 @@ MOST_EMISSIONS = 1_000
 # Classes, before a run.
 
 
-def own_classes(
-    material_agent: object, boundary_agents: Mapping[str, object] | None
-) -> tuple[type, ...]:
+def own_classes(material_agent: object, walls: Mapping[str, object] | None) -> tuple[type, ...]:
     """Return the classes of agents that a model is given; refuse what it cannot use."""
     check_class("material_agent", material_agent, MaterialAgent)
     rule = 'boundary_agents: must be a mapping such as {"rigid": MyWall}'
-    require(isinstance(boundary_agents, Mapping | None), f"{rule}, got {brief(boundary_agents)}")
-    for name, agent in (boundary_agents or {}).items():
+    require(isinstance(walls, Mapping | None), f"{rule}, got {brief(walls)}")
+    for name, agent in (walls or {}).items():
         told = f"boundary_agents: there is no boundary {name!r}{suggestion(str(name), BOUNDARIES)}"
         require(name in BOUNDARIES, f"{told}; there is {', '.join(BOUNDARIES)}")
         check_class(f"boundary_agents[{name!r}]", agent, BoundaryAgent)
-    given: Any = (material_agent, *(boundary_agents or {}).values())
+    given: Any = (material_agent, *(walls or {}).values())
     return tuple(agent for agent in dict.fromkeys(given) if agent is not MaterialAgent)
 
 

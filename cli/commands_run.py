@@ -181,16 +181,13 @@ def solve(
 ) -> Any:
     """Solve a scene as linear elasticity, whatever its rule.
 
-    Writes summary.json, result.npz and a picture. With a tolerance the error is kept below it;
-    without one the scene's own cells are solved.
+    Writes summary.json, result.npz and a picture; without a tolerance solves the scene's cells.
     """
     from kaju.model.study.solving import solve as solve_scene
 
-    asked = options.goals_of(goal)
-    found = solve_scene(scene, tolerance, resolution=resolution, goal=asked)
-    error = f"{100.0 * found.error_estimate:.2g} % in the energy norm"
-    told = "" if found.tolerance is not None else f"; estimated error about {error}"
-    say(f"solved as linear elasticity{told}")
+    found = solve_scene(scene, tolerance, resolution=resolution, goal=options.goals_of(goal))
+    rough = f"; estimated error about {100.0 * found.error_estimate:.2g} % in the energy norm"
+    say("solved as linear elasticity" + rough * (found.tolerance is None))
     return found
 
 

@@ -125,9 +125,7 @@ def _rows(summary: Mapping[str, Any]) -> Iterator[tuple[str, str, str]]:
             yield name, text_of(value, unit), meaning
 
 
-def text_of(
-    value: object, unit: str = "", named: bool = False, beside: Sequence[object] = ()
-) -> str:
+def text_of(value: object, unit: str = "", named: bool = False, beside: Sequence[Any] = ()) -> str:
     """Return a key figure as people read it: four digits, its unit, and perhaps its axes."""
     if isinstance(value, bool):
         return "yes" if value else "no"

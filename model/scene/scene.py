@@ -216,8 +216,17 @@ class Scene(Description):
         if self.plane and not thick and any(load.pressure is None for load in self.loads):
             told = "1 m is taken, over which the forces spread; is it meant so?"
             found.append(f"body.thickness is not given: {told}")
-        for number, filled in enumerate(self._resolved.regions):
-            shape, where = filled.shape, f"body.regions.{number}"
+        base, regions = self._resolved.base, self._resolved.regions
+        for number, (given, filled) in enumerate(zip(self.body.regions, regions, strict=True)):
+            (low, high), shape, where = filled.shape.extent, filled.shape, f"body.regions.{number}"
+            others = (one.shape.extent for one in regions[:number] if one.kind != filled.kind)
+            covers = any(np.less(a, high).all() and np.less(low, b).all() for a, b in others)
+            if isinstance(base, int) and filled.kind == base and not covers:
+                told = "is of the material that it covers, so it changes nothing; is it meant so?"
+                found.append(f"{where}: this region {told}")
+            if isinstance(given.surface or given.path, SurfaceFile | PathFile):
+                beyond = _beyond(shape, self.lattice, given.material == "air")
+                found += [f"{where}: {beyond}"] if beyond else []
             if isinstance(shape, ClosedSurface) and shape.ambiguous:
                 found.append(
                     f"{where}.surface: a shell within another looks outwards, too; it was taken "
@@ -232,20 +241,7 @@ class Scene(Description):
             if filled.kind == cell_types.AIR and _breaks_through(shape, self.lattice):
                 told = reach_of(shape, self.lattice, "is it meant so?")
                 found.append(f"{where}: this hole breaks through the edge of the body: it {told}")
-        return (*found, *self._idle, *self._overlaps, *self._cut_off, *self.in_pixels)
-
-    @property
-    def _idle(self) -> Iterator[str]:
-        """Which regions are of the material that they cover, in words."""
-        body = self._resolved
-        for number, one in enumerate(body.regions):
-            if not isinstance(body.base, int) or one.kind != body.base:
-                continue
-            low, high = one.shape.extent
-            others = (each.shape.extent for each in body.regions[:number] if each.kind != one.kind)
-            if not any(np.less(a, high).all() and np.less(low, b).all() for a, b in others):
-                told = "is of the material that it covers, so it changes nothing; is it meant so?"
-                yield f"body.regions.{number}: this region {told}"
+        return (*found, *self._overlaps, *self.in_pixels)
 
     @property
     def _overlaps(self) -> Iterator[str]:
@@ -270,15 +266,6 @@ class Scene(Description):
         shapes = enumerate(filled.shape for filled in self._resolved.regions)
         unknown = [n for n, one in shapes if isinstance(one, PathShape) and one.in_pixels]
         return [f"body.regions.{number}.path: {PIXELS}" for number in unknown]
-
-    @property
-    def _cut_off(self) -> Iterator[str]:
-        """Which shapes of files reach beyond the array, in words."""
-        pairs = zip(self.body.regions, self._resolved.regions, strict=True)
-        for number, (given, filled) in enumerate(pairs):
-            if isinstance(given.surface or given.path, SurfaceFile | PathFile):
-                beyond = _beyond(filled.shape, self.lattice, given.material == "air")
-                yield from [f"body.regions.{number}: {beyond}"] if beyond else []
 
     def notes_on(self, displacement: float) -> tuple[str, ...]:
         """Return the `notes`, and one more where the largest displacement (m) is not small."""

@@ -37,6 +37,7 @@ MEANINGS = {
     "avalanches": "breaks that follow without more load are one",
     "boundary_agents": "places beside the body that loads reached",
     "compliance_J": "work of the loads: the lower, the stiffer the body",
+    "couple_Nm": "of the support about its middle; above 0 it turns the body to the left",
     "energy_bounds": "the true energy lies between them",
     "error_bound": "a share, in the energy norm; the true error is not larger",
     "error_estimate": "a share, in the energy norm: 0.05 is 5 %",
@@ -105,7 +106,7 @@ def _rows(summary: Mapping[str, Any]) -> Iterator[tuple[str, str, str]]:
             continue
         name, unit, meaning = NAMES.get(key, key), UNITS.get(key, ""), MEANINGS.get(key, "")
         stem, _, ending = name.rpartition("_")
-        if stem and ending in ("N", "m", "J", "s", "Pa"):
+        if stem and ending in ("N", "Nm", "m", "J", "s", "Pa"):
             name, unit = stem, ending
         name = name.replace("_", " ")
         if isinstance(value, Mapping):

@@ -169,12 +169,16 @@ class ElasticResult(BodyResult):
 
     @cached_property
     def reactions(self) -> dict[str, Floats]:
-        """Force (N) of each support on the body; "rigid" are rigid cells inside the array.
-
-        A rigid region with a true outline and a name is a support of this name.
-        """
+        """Force (N) of each support on the body: sides, "rigid" cells inside, rigid regions."""
         unit = self.found.scales.force
         return {name: unit * force for name, force in self.found.reactions().items()}
+
+    @property
+    def couples(self) -> dict[str, float]:
+        """Couple (N·m) of supports within true outlines, about their middles; > 0 turns left."""
+        found = {} if self.cut_agents is None else self.cut_agents.opinions.supports
+        unit = self.found.scales.force * self.found.scales.length
+        return {name: float(unit * borne[2]) for name, borne in found.items()}
 
     @property
     def strain_energy(self) -> float:
@@ -490,6 +494,7 @@ class ElasticResult(BodyResult):
             "largest_stress_has_no_limit": self.largest_stress.no_limit or None,
             "largest_hoop_stress_Pa": self.largest_along() or None,
             "reaction": {name: force.tolist() for name, force in told.items()},
+            "couple_Nm": self.couples or None,
             "method": self.found.solution.method,
             "iterations": max(len(self.residuals) - 1, 0),
             "residual": self.residuals[-1] if self.residuals else 0.0,

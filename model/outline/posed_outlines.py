@@ -26,18 +26,7 @@ from . import true_shapes
 from .arc_triangles import CLOSE, ArcFrames, TouchError, keep_apart
 from .leaf_triangles import parted_lines
 from .triangulation import NEAR
-from .true_shapes import (
-    AIR,
-    KINK,
-    RIGID,
-    SLIGHT,
-    TINY,
-    UNIT,
-    Law,
-    TrueBody,
-    TrueRegion,
-    holding,
-)
+from .true_shapes import AIR, KINK, RIGID, SLIGHT, TINY, UNIT, Law, TrueBody, TrueRegion, holding
 
 SIDES = {"left": (0, 0), "right": (0, 1), "bottom": (1, 0), "top": (1, 1)}
 """Of each side of the array its axis, and whether it is the upper one."""
@@ -84,6 +73,8 @@ def along(region: TrueRegion, extent: tuple[int, int]) -> Floats:
         start, end, _ = parted_lines(start, end, axis, float(whole), every)
     middle = 0.5 * (start + end)
     kept = ((middle >= 0.0) & (middle <= extent)).all(axis=1) & (start != end).any(axis=1)
+    if not region.solid:  # a hole has no body beyond the sides of the array
+        kept &= ((middle > 0.0) & (middle < extent)).all(axis=1)
     return np.asarray(np.stack([start, end], axis=1)[kept])
 
 
@@ -122,14 +113,10 @@ class OutlinedBody:
         self.own_laws = [*map(Law, (0.5 * (stretch + lateral)).tolist(), shear.tolist())]
         """The law of every material."""
         names = [material.name for material in scene.cell_materials]
-        self.true = _body(
-            scene,
-            self.edge,
-            self.shape,
-            dict(zip([*names, INSIDE], [*self.own_laws, RIGID], strict=True)),
-        )
+        laws = dict(zip([*names, INSIDE], [*self.own_laws, RIGID], strict=True))
+        self.true = _body(scene, self.edge, self.shape, laws)
         regions = enumerate(self.true.regions)
-        named = [region.name or INSIDE for region in scene.body.regions]
+        named = [region.name or f"region {k}" for k, region in enumerate(scene.body.regions)]
         self.rigid = {k: named[k] for k, region in regions if region.law == RIGID}
         """Of each rigid region the name of the support that it is."""
         for which in self.rigid:
@@ -239,9 +226,7 @@ class OutlinedBody:
         check_alone(regions, which, f"{where}: {name!r}", "load")
         region = regions[which]
         if region.law == RIGID:
-            raise SceneError(
-                f"{where}: {name!r} is rigid, and holds the body; load another outline"
-            )
+            raise SceneError(f"{where}: {name!r} is rigid and holds the body; load another one")
         # the outline meets no other: what holds one point of it holds all
         at = region.arcs[0, :1, :2] / region.arcs[0, :1, 2:]
         above = holding([one.rings(True) for one in regions[which + 1 :]], at)
@@ -258,8 +243,17 @@ class OutlinedBody:
             found = LoadedOutline.pushed(name, which, region, total, self.shape)
             if total.any() and not found.stress.any():
                 raise SceneError(f"loads.{number}.force: no part of {name!r} faces it")
-        if not len(along(region, self.shape)):
+        pieces = along(region, self.shape)
+        if not len(pieces):
             raise SceneError(f"{where}: no part of {name!r} lies within the array")
+        for side, (axis, upper) in SIDES.items():
+            on = (pieces[..., axis] == upper * self.shape[axis]).all(axis=1).any()
+            facing = found.facing is None or found.facing[axis] * (2 * upper - 1) < -TINY
+            if on and facing:
+                raise SceneError(
+                    f"{where}: {name!r} lies along the side {side} of the array, where its loads "
+                    f"do not act; load side = {side!r}, or draw the body away from it"
+                )
         return found
 
     def pushed(self, side: str, force: Floats) -> OutlinedBody:

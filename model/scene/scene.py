@@ -214,19 +214,14 @@ class Scene(Description):
         if self.plane == "stress" and thick > 20.0 * wide:
             found.append(f"body.thickness: {thick:g} m are much for a plate of {wide:g} m; {asked}")
         if self.plane and not thick and any(load.pressure is None for load in self.loads):
-            told = "1 m is taken, over which the forces spread; is it meant so?"
-            found.append(f"body.thickness is not given: {told}")
+            found.append("body.thickness is not given: 1 m is taken; is it meant so?")
         base, regions = self._resolved.base, self._resolved.regions
-        for number, (given, filled) in enumerate(zip(self.body.regions, regions, strict=True)):
+        for number, filled in enumerate(regions):
             (low, high), shape, where = filled.shape.extent, filled.shape, f"body.regions.{number}"
             others = (one.shape.extent for one in regions[:number] if one.kind != filled.kind)
             covers = any(np.less(a, high).all() and np.less(low, b).all() for a, b in others)
             if isinstance(base, int) and filled.kind == base and not covers:
-                told = "is of the material that it covers, so it changes nothing; is it meant so?"
-                found.append(f"{where}: this region {told}")
-            if isinstance(given.surface or given.path, SurfaceFile | PathFile):
-                beyond = _beyond(shape, self.lattice, given.material == "air")
-                found += [f"{where}: {beyond}"] if beyond else []
+                found.append(f"{where}: this region is of the material below it; is it meant so?")
             if isinstance(shape, ClosedSurface) and shape.ambiguous:
                 found.append(
                     f"{where}.surface: a shell within another looks outwards, too; it was taken "
@@ -241,7 +236,7 @@ class Scene(Description):
             if filled.kind == cell_types.AIR and _breaks_through(shape, self.lattice):
                 told = reach_of(shape, self.lattice, "is it meant so?")
                 found.append(f"{where}: this hole breaks through the edge of the body: it {told}")
-        return (*found, *self._overlaps, *self.in_pixels)
+        return (*found, *self._overlaps, *self._cut_off, *self.in_pixels)
 
     @property
     def _overlaps(self) -> Iterator[str]:
@@ -266,6 +261,15 @@ class Scene(Description):
         shapes = enumerate(filled.shape for filled in self._resolved.regions)
         unknown = [n for n, one in shapes if isinstance(one, PathShape) and one.in_pixels]
         return [f"body.regions.{number}.path: {PIXELS}" for number in unknown]
+
+    @property
+    def _cut_off(self) -> Iterator[str]:
+        """Which shapes of files reach beyond the array, in words."""
+        for number, given in enumerate(self.body.regions):
+            if isinstance(given.surface or given.path, SurfaceFile | PathFile):
+                shape = self._resolved.regions[number].shape
+                beyond = _beyond(shape, self.lattice, given.material == "air")
+                yield from [f"body.regions.{number}: {beyond}"] if beyond else []
 
     def notes_on(self, displacement: float) -> tuple[str, ...]:
         """Return the `notes`, and one more where the largest displacement (m) is not small."""

@@ -254,6 +254,8 @@ def test_rigid_holes_hold_what_is_round_them() -> None:
     assert answer.tolerance_kept == "proved"
     held = answer.reactions["bolt 0.03"] + answer.reactions["bolt 0.07"]
     assert held == pytest.approx([-500.0, -200.0], abs=1e-6)
+    arm = 0.04 * answer.reactions["bolt 0.07"][1] + 0.17 * 200.0 + 30.0  # about the first bolt
+    assert arm + sum(answer.couples.values()) == pytest.approx(0.0, abs=1e-6)
     assert answer.material_at([[0.03, 0.05], [0.05, 0.05]]).tolist() == [-1, 0]
 
 
@@ -307,6 +309,8 @@ def test_what_is_not_proved_is_refused_by_name(change: dict[str, Any], key: str)
 PRESSED = plate(loads=[{"outline": "hole", "pressure": 1.0}])
 NEAR = {"disk": {"centre": [0.025, 0.025], "radius": 0.01}, "outline": "true"}
 PIN = {"disk": {"centre": [0.07, 0.07], "radius": 0.01}, "outline": "true", "name": "pin"}
+BOX = {"box": [[0.0, 0.02], [0.1, 0.05]], "material": "steel", "outline": "true", "name": "box"}
+BOX = {"size": [0.1, 0.1], "cells": [4, 4], "material": "air", "regions": [BOX]}
 DOT = {"disk": {"centre": [0.07, 0.07], "radius": 0.004}, "outline": "true"}
 ON_PIN = {"loads": [{"outline": "pin", "pressure": 1.0}]}
 # The wave's lowest point, (0.06, 0.03), lies on the bottom of the hole, but for rounding.
@@ -325,6 +329,10 @@ WAVE = {"path": "M.03.04Q.04.06.05.04T.07.04V.03H.03Z", "outline": "true"}
         (plate().with_region("rigid", **PIN).with_region("air", **DOT), "below or around"),
         (plate().with_region("rigid", **PIN).replace(**ON_PIN), "'pin' is rigid"),
         (ring(0.1, 0.2).with_region("rigid", **NEAR), "holds nothing"),
+        *(
+            (plate().replace(body=BOX, loads=[{"outline": "box"} | load]), f"the side {side}")
+            for load, side in (({"force": [1.0, 0.0]}, "left"), ({"force": [-1.0, 0]}, "right"))
+        ),
     ],
 )
 def test_what_has_no_answer_is_refused(scene: kaju.Scene, told: str) -> None:

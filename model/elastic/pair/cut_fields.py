@@ -77,13 +77,11 @@ class CutField:
         """What the squares of which are twice the energies."""
         return np.asarray(np.einsum("nij,nj->ni", self.root, self.own) + self.beside)
 
-    def _there(
-        self, leaf: Ints, points: Floats, law: Ints | None = None
-    ) -> tuple[Flags, Ints, Floats]:
+    def _there(self, leaf: Ints, at: Floats, law: Ints | None = None) -> tuple[Flags, Ints, Floats]:
         """Tell which leaves hold any of the mesh; there, triangle and shares of each point."""
         some = np.isin(leaf, self.mesh.leaf)
         own = None if law is None else law[some]
-        return some, *self.mesh.holding(leaf[some], points[some], own)
+        return some, *self.mesh.holding(leaf[some], at[some], own)
 
     def energies(self, leaves: int) -> Floats:
         """Return twice the energy of each leaf."""

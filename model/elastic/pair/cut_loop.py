@@ -51,7 +51,7 @@ def peak_asked(scene: Scene, goal: AskedFor | None) -> Stress | Deflection | Non
     near = suggestion(at, [*named, *free]) if isinstance(at, str) else ""
     wrong = f"{brief(one)} cannot be asked for{near}"
     if any(one.name == at and one.material == INSIDE for one in scene.body.regions):
-        wrong = f"{at!r} is rigid, and has no stress"
+        wrong = f"{at!r} is rigid: no stress is told of its outline"
     if more:
         wrong = f"one goal at a time, got {len(more) + 1}"
     elif isinstance(first, Deflection) and at in [*SIDES]:

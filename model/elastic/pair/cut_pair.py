@@ -18,6 +18,7 @@ from kaju.model.elastic.free_motion import free_motion
 from kaju.model.outline.leaf_triangles import leaf_triangles
 from kaju.model.outline.posed_outlines import SIDES, OutlinedBody, UnlikeError
 from kaju.model.outline.true_shapes import UNIT, covering
+from kaju.model.scene.curves import cross
 
 from .cut_fields import Balancing, CutFitting
 from .cut_mesh import Border, CutMesh, mesh_of
@@ -153,15 +154,24 @@ class CutPair:
 
     def reactions(self) -> dict[str, Floats]:
         """Return the force of every support on the body, of the stress that balances."""
+        return {name: borne[:2] for name, borne in self.supports.items()}
+
+    @cached_property
+    def supports(self) -> dict[str, Floats]:
+        """The force of every support, and its couple about the middle of the support."""
         mesh, border = self.balancing.mesh, self.borders[1]
-        # along an edge that stress is linear: in the middle it is its mean
-        middle = border.at.mean(axis=1)
-        own = self.balancing.stress_at(mesh.leaf[border.owner], middle, mesh.law[border.owner])
-        borne = np.where(border.held, np.einsum("nab,nb->na", tensors(own), border.outward), 0.0)
-        sides = enumerate(SIDES)
-        found = {
-            name: borne[border.side == k].sum(axis=0) for k, name in sides if name in self.body.held
-        }
-        for which, name in self.body.rigid.items():
-            found[name] = found.get(name, 0.0) + borne[border.outline == which].sum(axis=0)
+        # along an edge that stress is linear: two places stand for it
+        at = border.at.mean(axis=1) + np.array([-1.0, 1.0])[:, None, None] * border.run / 12**0.5
+        leaf, law = mesh.leaf[border.owner], mesh.law[border.owner]
+        own = tensors(np.stack([self.balancing.stress_at(leaf, one, law) for one in at]))
+        borne = np.where(border.held, 0.5 * np.einsum("pnab,nb->pna", own, border.outward), 0.0)
+        of = np.where(border.side >= 0, border.side, len(SIDES) + border.outline)
+        names = {k: name for k, name in enumerate(SIDES) if name in self.body.held}
+        names |= {len(SIDES) + which: name for which, name in self.body.rigid.items()}
+        found = dict.fromkeys(names.values(), np.zeros(3))
+        for k in np.unique(of[border.held.any(axis=1)]).tolist():
+            ends, force = border.at[of == k].reshape(-1, 2), borne[:, of == k].reshape(-1, 2)
+            arm = at[:, of == k].reshape(-1, 2) - 0.5 * (ends.min(axis=0) + ends.max(axis=0))
+            turned = np.append(force.sum(axis=0), cross(arm, force).sum())
+            found[names[k]] = found[names[k]] + turned
         return found

@@ -60,7 +60,6 @@ RAGGED = {
 
 @pytest.fixture(params=[*RAGGED, *range(len(CASES))], ids=str)
 def both(request):
-    """A problem and its hierarchy."""
     if isinstance(request.param, str):
         problem = RAGGED[request.param]
         return problem, Hierarchy(problem)

@@ -74,7 +74,6 @@ PULLED = {"loads": [{"side": "right", "force": [1e3, 0.0]}], "material": "steel"
 
 
 def hole(**shape: Any) -> dict[str, Any]:
-    """Return a shape that is cut out."""
     return shape | {"material": "air"}
 
 

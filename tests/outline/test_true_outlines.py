@@ -174,12 +174,10 @@ def heavy(shapes: list[tuple[dict[str, Any], str]], gravity: tuple[float, float]
 
 
 def round_part(x: float, y: float, radius: float, of: str = "air") -> tuple[dict[str, Any], str]:
-    """Return a disk, of air or not."""
     return {"disk": {"centre": [x, y], "radius": radius}}, of
 
 
 def oval(x: float, y: float, angle: float) -> tuple[dict[str, Any], str]:
-    """Return an ellipse of air, turned."""
     return {"ellipse": {"centre": [0.05, 0.05], "radii": [x, y], "angle": angle}}, "air"
 
 

@@ -4,7 +4,6 @@ from kaju import plot
 
 
 def axes_of(of, *what, **options):
-    """The first axes of a picture."""
     return plot(of, *what, **options).axes[0]
 
 
@@ -20,5 +19,4 @@ def drawn(ax, name):
 
 
 def notes(ax):
-    """The words beside a picture."""
     return " ".join(text.get_text() for text in ax.texts if text.get_gid() == "notes")

@@ -137,8 +137,7 @@ def animate(
 
     result = load_result(stored)
     folder = stored if stored.is_dir() else stored.parent
-    target = out or folder / f"{what or 'film'}.gif"
-    refuse_to_replace(target, force)
+    refuse_to_replace(target := out or folder / f"{what or 'film'}.gif", force)
     typer.echo(film(result, target, what=what, fps=frames_per_second, bare=bare))
 
 

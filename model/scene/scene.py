@@ -402,8 +402,7 @@ class Scene(Description):
     def from_archive(cls, text: str, arrays: Mapping[str, NDArray[Any]]) -> Scene:
         """Return the scene that `to_archive` took apart."""
         table = table_from(text)
-        name = table["body"].get("array")
-        if name is not None:
+        if (name := table["body"].get("array")) is not None:
             table["body"]["array"] = arrays[name]
         return cls(**table)
 

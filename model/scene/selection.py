@@ -181,8 +181,7 @@ def _in_box(body: ResolvedBody, load: LoadTable, corners: Corners, where: str) -
     """Return the surface in a box without thickness, or the cells in one with it."""
     lattice = body.lattice
     assert load.region is not None
-    flat = load.region.flat_axis(lattice, where)
-    if flat is not None:
+    if (flat := load.region.flat_axis(lattice, where)) is not None:
         return _faces_on_plane(body, corners, flat, where)
     if load.force is None:
         what = "couple" if load.pressure is None else "pressure"

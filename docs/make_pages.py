@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import argparse
 import html
+import re
 from base64 import b64encode
 from dataclasses import replace
 from io import BytesIO
@@ -26,6 +27,10 @@ from kaju import FractureModel, GrowthModel, export_page, load_scene, plot
 
 HERE = Path(__file__).parent
 EXAMPLES = HERE.parent / "examples"
+AFTER = dict(
+    re.findall(r"^\| (\d+) .*\| ([\d, ]*?) *\|$", (HERE / "teach.md").read_text("utf-8"), re.M)
+)
+"""The numbers of the lessons that each one builds on, as the table for teachers says."""
 CODE = """
 class Mine(MaterialAgent):
 
@@ -74,6 +79,9 @@ def _page_question(of: Lesson, number: int) -> dict[str, Any]:
     }
     told |= {name: kind[name] for name in ("until", "lines", "draws", "recalls") if name in kind}
     if "answers" in kind:
+        told["rounds"] = "rounded" in str(asked["en"])  # it says itself how
+        if not any(re.search(r"\bp\[|\bready\(", answer) for answer in kind["answers"]):
+            told["marked"] = told["show"]["preset"]  # all its numbers are of this body
         told["fields"] = [
             _page_field(asked, n, value, tolerance(kind, n, value))
             for n, value in enumerate(answers(of, number))
@@ -166,12 +174,13 @@ def write_index(folder: Path) -> Path:
 
 def _card(of: Lesson) -> str:
     """Return a lesson as a card that leads to its page."""
-    named = {k: f"{ORDER.index(of.name) + 1} · {text.title}" for k, text in of.texts.items()}
+    number = ORDER.index(of.name) + 1
+    named = {k: f"{number} · {text.title}" for k, text in of.texts.items()}
     asks = _in_all({k: text.asks for k, text in of.texts.items()}, "p")
     return (
         f'<a class="card" href="{of.name}.html" data-key="{of.name}" data-age="{of.age}"'
-        f">{picture(of)}<div>{_in_all(named, 'h2')}{asks}"
-        '<p class="facts"><span class="age"></span>'
+        f' data-after="{AFTER[str(number)]}">{picture(of)}<div>{_in_all(named, "h2")}{asks}'
+        '<p class="facts"><span class="age"></span><span class="after"></span>'
         '<span class="done"></span></p></div></a>'
     )
 

@@ -147,7 +147,7 @@ def test_the_index_shows_every_lesson(tmp_path, chromium, request):
     ages = [card.get_attribute("data-age") for card in cards.all() if card.is_visible()]
     assert ages == ["12"] * 6
     tab.get_by_role("button", name="日本語").click()
-    assert "授業" in tab.locator("h1").inner_text()
+    assert "1 のあと" in cards.nth(1).inner_text()
 
 
 def test_a_guess_is_not_judged_and_what_a_question_looks_at_is_there(opened, tmp_path):
@@ -165,9 +165,9 @@ def test_a_guess_is_not_judged_and_what_a_question_looks_at_is_there(opened, tmp
     page.until("page?.drawn && page.lesson.step === 'step' && page.lesson.done[0] === 'predict'")
     assert page.js("page.language") == "de"
     shorter = make_pages.make_lesson(lesson("how-things-break"), tmp_path)[1]
-    page = opened(shorter, language="de-DE")  # it opens at its end, where it is asked for
+    page = opened(shorter, language="de-DE")  # it opens where it is asked for, at rest
     assert page.text("h1") == "Ein halb so langer Schnitt · Wie Dinge brechen"
-    assert page.js("[page.lesson.step, page.g === page.run.generation]") == ["explain", True]
+    assert page.js("[page.lesson.step, page.g === 0]") == ["explain", True]
     assert page.text("a[aria-current]") == "kürzeren"  # this page
     page.js("(page.lesson.answers.warning = ['2 cm'], page.lesson.open(3))")
     assert "bitte in Federn" in page.text("aside .flow")

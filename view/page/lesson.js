@@ -3,6 +3,7 @@
 import { button, draw, icon, inline, make, MODES, numberOf, rendered, segments, tick } from "./controls.js";
 import { paintCells, paintNumbers, paintPick, View } from "./paint.js";
 import { cardsBox, panelsOf, rulePanel, storyCard, tabList } from "./panels.js";
+import { Twin } from "./rule.js";
 import { general, local, quantity } from "./words.js";
 
 export const STEPS = ["predict", "step", "explain", "try"];
@@ -16,8 +17,8 @@ export class Lesson {
     this.read();
     addEventListener("storage", ({ key }) => { if (key === this.place) { this.read(); page.rebuild(); } });   // answers typed in another page of the lesson
   }
-  /** Open where the reader was, in this page or another one of the lesson; that one at the question that asks for it, at its end. */
-  begin() { if (this.opens) this.page.goTo(Infinity); if (this.was > 0 && this.questions[this.was]) this.go(this.was); else this.open(0, true); }
+  /** Open where the reader was, in this page or another one of the lesson; that one at the question that asks for it. */
+  begin() { if (this.was > 0 && this.questions[this.was]) this.go(this.was); else this.open(0, true); }
   get place() { return `kaju:lesson:${this.key}`; }
   read() {                                     // storage fails in private windows and in some files
     try {
@@ -114,14 +115,15 @@ export class Lesson {
 
   // ------------------------------------------------------------------------------- the guess
   get guess() { return this.guesses[this.question?.key] ??= {}; }
-  /** Hit, missed and false at a generation: a tick counts from its own generation on. */
+  /** What a cell is at a generation: a hit where it woke in the one ticked; a tick counts from that on. */
+  kindOf(k, g, guess = this.guess) {
+    const at = this.page.run.spawn[k], awake = at > 0 && at <= g;
+    return guess[k] <= g ? (awake && guess[k] === at ? "hit" : "false") : awake ? "miss" : null;
+  }
+  /** Hit, missed and false cells at a generation. */
   compared(g, guess = this.guess) {
-    const { run: { spawn, kinds, lattice: L } } = this.page, found = { hit: [], miss: [], false: [] };
-    L.each((k) => {
-      if (kinds[k] < 0) return;
-      const ticked = guess[k] <= g, awake = spawn[k] > 0 && spawn[k] <= g;
-      if (ticked || awake) found[ticked && awake ? "hit" : awake ? "miss" : "false"].push(k);
-    });
+    const { run: { kinds, lattice: L } } = this.page, found = { hit: [], miss: [], false: [] };
+    L.each((k) => { if (kinds[k] >= 0) found[this.kindOf(k, g, guess)]?.push(k); });
     return found;
   }
   /** The cells in which something is guessed or happens, with two more around: [x, y, columns, rows]. */
@@ -238,8 +240,7 @@ MODES.push({
 export function stateOfCell(lesson, k) {
   const { page } = lesson, { t, g, run: { spawn } } = page, tick = lesson.guess[k], ticked = tick ? t("tickedFor", { n: tick }) : t("notTicked");
   if (lesson.shown === "guess") return ticked;
-  const awake = spawn[k] > 0 && spawn[k] <= g, word = awake ? t("awakeSince", { n: spawn[k] }) : t("asleepNow");
-  const kind = tick <= g ? (awake ? "hit" : "false") : awake ? "miss" : null;
+  const awake = spawn[k] > 0 && spawn[k] <= g, word = awake ? t("awakeSince", { n: spawn[k] }) : t("asleepNow"), kind = lesson.kindOf(k, g);
   return lesson.shown === "both" ? `${word}, ${ticked}${kind ? `: ${t(kind)}` : ""}` : word;
 }
 
@@ -290,7 +291,7 @@ function numberCard(lesson, q, field, i) {
   const { page } = lesson, { t } = page, label = page.say(field.label) ?? "", unit = page.say(field.unit) ?? "", asked = page.say(field.read_in) || unit, verdict = make("small", { role: "status" });
   const input = make("input", { type: "text", inputMode: "decimal", className: "field", value: lesson.answers[q.key]?.[i] ?? "", ariaLabel: `${label} ${unit}`.trim() || t("yourAnswer"), autocomplete: "off" });
   const judge = () => {
-    const text = input.value.trim(), v = numberIn(text, unit), right = isRight(field, v), digits = text.replace(/^[^=]*=|\D*$/g, "").replace(/^[\s0.,−-]+|\D/g, ""), near = Math.abs(v - field.answer) <= 0.5000001 * Math.abs(v) / Number(digits);   // rounded well, but too far: to half a step of its last digit
+    const text = input.value.trim(), v = numberIn(text, unit), right = isRight(field, v), digits = text.replace(/^[^=]*=|\D*$/g, "").replace(/^[\s0.,−-]+|\D/g, ""), near = !q.rounds && Math.abs(v - field.answer) <= 0.5000001 * Math.abs(v) / Number(digits);   // rounded well, but too far: to half a step of its last digit
     verdict.textContent = !text ? "" : Number.isNaN(v) ? t(!/\d/.test(text) ? "noNumber" : asked && /\p{L}/u.test(text) ? "notIn" : "bareNumber", { u: asked }) : q.step === "predict" ? "" : right ? t("correct") : near ? t("moreDigits") : t("lookAgain", { x: page.say(field.look) || label || t("thePicture") });
     verdict.className = right ? "right" : "soft";
     if (right && q.step !== "predict") verdict.prepend(icon("tick"));
@@ -316,8 +317,8 @@ function stepCards(page) {
   const free = page.limit === Infinity, code = panels.code ? [fold(t("code"), panels.code(), true)] : [], story = alone ? [] : [storyCard(page)], charts = free ? [parts.charts] : [];
   if (lesson.step === "predict") return lesson.secret ? [] : [...about, ...cards];
   parts.presets = page.presets.map((preset) => button(page.nameOf(preset), () => { page.load(preset); page.seek(Math.min(lesson.question?.show?.generation ?? 0, lesson.limit)); }));
-  const tries = touchable && page.presets.length > 1 ? [make("div", { className: "presets" }, ...page.presets.map((preset, n) => make("div", {}, parts.presets[n], ...(page.say(preset.note) ? [rendered(page.say(preset.note))] : []))))] : [];
-  const { rule: typed, sentence } = lesson.question?.show ?? {}, few = (open) => fold(t("rule"), rulePanel(page, true), open), read = typed || !touchable ? charts.splice(0) : [];   // below a question stands what is asked for
+  const { marked, show: { rule: typed, sentence } = {} } = lesson.question ?? {}, few = (open) => fold(t("rule"), rulePanel(page, true), open), read = typed || !touchable ? charts.splice(0) : [];   // below a question stands what is asked for
+  const tries = touchable && page.presets.length > 1 ? [...(marked === undefined ? [] : [make("small", { className: "soft", textContent: t("markedFor", { p: page.nameOf(page.presets[marked]) }) })]), make("div", { className: "presets" }, ...page.presets.map((preset, n) => make("div", {}, parts.presets[n], ...(page.say(preset.note) ? [rendered(page.say(preset.note))] : []))))] : [];
   const near = [...(sentence ? [parts.verdict] : []), ...(typed || sentence ? [few(true)] : []), ...(typed ? read.splice(0) : [])], first = [...near, ...tries, ...code, ...cards, ...read, ...story, ...about];
   if (lesson.step === "step") return [...first, ...(touchable && !near.length && !page.studio ? [few(false)] : []), look];
   const rest = lesson.step === "try" ? ["rule", "draw"].filter((name) => panels[name] && (name === "draw" || !near.length)).map((name) => fold(t(name), panels[name]())) : [];
@@ -335,7 +336,7 @@ export function laySheet(page) {
 
 function paperOf(page) {
   const { lesson, t } = page, line = (word, size) => make("span", {}, `${word} `, make("i", { className: `blank ${size}` }));
-  const head = make("div", { className: "top" }, make("div", {}, make("h1", { textContent: page.say(page.title) }), make("p", { textContent: [t("worksheet"), lesson.minutes && t("minutes", { t: lesson.minutes }), loadWords(page)].filter(Boolean).join(" · ") })),
+  const head = make("div", { className: "top" }, make("div", {}, make("h1", { textContent: page.say(page.title) }), make("p", { textContent: [t("worksheet"), lesson.minutes && t("minutes", { t: lesson.minutes }), loadWords(page.start)].filter(Boolean).join(" · ") })),
     make("div", { className: "who" }, line(t("name"), "long"), make("div", {}, line(t("course"), "short"), " ", line(t("date"), "short"))));
   const questions = lesson.questions.map((q, i) => make("section", {}, make("b", { className: "number", textContent: i + 1 }),
     make("div", { className: "asked" }, make("p", {}, make("span", {}, ...inline(page.say(q.question))), make("small", { textContent: q.minutes ? t("minutes", { t: q.minutes }) : "" })), ...(q.note ? [rendered(page.say(q.note))] : []), ...answerOf(page, q))));
@@ -343,10 +344,10 @@ function paperOf(page) {
   const answers = lesson.teacher ? [make("div", { className: "teachers" }, make("h1", { textContent: `${t("answers")}: ${page.say(page.title)}` }),
     ...lesson.questions.map((q, i) => make("section", {}, make("b", { className: "number", textContent: i + 1 }), make("div", { className: "asked" }, ...solution(page, q)))),
     ...(lesson.notes ? [rendered(page.say(lesson.notes))] : []))] : [];
-  return [head, ...(lesson.intro ? [rendered(page.say(lesson.intro))] : []), ...(page.scene?.rule?.kind === "prescribed" ? [ruleBox(page)] : lesson.questions.some((q) => q.draws === true && mayDraw(q)) ? [] : [bodyOf(page)]), ...questions, foot, ...answers];
+  return [head, ...(lesson.intro ? [rendered(page.say(lesson.intro))] : []), ...(page.start?.scene.rule?.kind === "prescribed" ? [ruleBox(t, page.start.scene)] : lesson.questions.some((q) => q.draws === true && mayDraw(q)) ? [] : [bodyOf(page)]), ...questions, foot, ...answers];
 }
 
-function loadWords({ scene }) {
+function loadWords({ scene } = {}) {
   const sizes = (scene?.loads ?? []).map((l) => quantity(Math.hypot(...l.force), "N")), unlike = [...new Set(sizes)].slice(0, 3), times = (n) => (n > 1 ? `${n} × ` : "");
   return sizes.length ? [...unlike.map((size) => times(sizes.filter((other) => other === size).length) + size), scene.rule.threshold && `γ = ${quantity(scene.rule.threshold, "N")}`].filter(Boolean).join(", ") : "";
 }
@@ -360,9 +361,10 @@ function answerOf(page, q) {
     make("tr", {}, ...q.fields.map((f, i) => make("td", {}, make("em", { textContent: given?.[i] ?? "" }), ` ${page.say(f.unit) ?? ""}`)))), ...(q.draws ? [axes()] : []), ...(q.write ? [make("p", {}, ...inline(page.say(q.write)))] : []), ...(q.lines ? text ?? lines(q.lines) : [])];
   if (q.draws === true) return [bodyOf(page, q), ...(text ?? lines(1))];
   if (q.kind !== "cells" || page.run.lattice?.dimension !== 2) return text ?? lines(q.lines ?? 3);
-  const guess = lesson.guesses[q.key] ?? {}, first = lesson.firsts[q.key], spawned = {};
-  page.run.lattice.each((k) => { if (first && page.run.spawn[k] > 0 && page.run.spawn[k] <= q.until) spawned[k] = page.run.spawn[k]; });
-  return [make("div", { className: "grids" }, grid(page, t("myGuess"), first ?? guess, { ...guess, ...spawned }), grid(page, t("whatHappened"), spawned, { ...guess, ...spawned })), ...(text ?? lines(2))];
+  const guess = lesson.guesses[q.key] ?? {}, first = lesson.firsts[q.key], spawned = {}, { scene, cells = page.start.cells } = page.presets[q.show?.preset ?? 0];
+  const run = page.touchable ? new Twin(scene, cells).run(q.until) : page.run, known = { run, scene };   // the question's own, whatever is loaded now
+  run.lattice.each((k) => { if (first && run.spawn[k] > 0 && run.spawn[k] <= q.until) spawned[k] = run.spawn[k]; });
+  return [make("div", { className: "grids" }, grid(known, t("myGuess"), first ?? guess, { ...guess, ...spawned }), grid(known, t("whatHappened"), spawned, { ...guess, ...spawned })), ...(text ?? lines(2))];
 }
 
 /** The body as it begins, or as a question shows it. */
@@ -372,8 +374,8 @@ const bodyOf = (page, q) => make("img", { className: "drawn", alt: "", src: page
 const axes = () => draw("svg", { viewBox: "0 0 420 150", width: 420, height: 150, "aria-hidden": "true" }, draw("path", { d: "M80 148V4M76 12L80 4L84 12M8 134H412M404 130L412 134L404 138", fill: "none", stroke: "#000" }));
 
 /** The part of the body round the loads, with a number in every cell that has one. */
-function grid(page, title, numbers, all) {
-  const { run: { lattice: L, kinds }, scene } = page, u = 15, at = scene.loads.map((l) => l.cell).concat(Object.keys(all).map((k) => L.cell(Number(k))));
+function grid({ run: { lattice: L, kinds }, scene }, title, numbers, all) {
+  const u = 15, at = scene.loads.map((l) => l.cell).concat(Object.keys(all).map((k) => L.cell(Number(k))));
   const range = (a, more) => [Math.max(0, Math.min(...at.map((c) => c[a])) - more), Math.min(L.shape[a] - 1, Math.max(...at.map((c) => c[a])) + more)];
   const [x0, x1] = L.shape[0] <= 20 ? [0, L.shape[0] - 1] : range(0, 9), [y0, y1] = range(1, 4), w = (x1 - x0 + 1) * u, h = (y1 - y0 + 1) * u;
   const svg = draw("svg", { viewBox: `-24 -34 ${w + 28} ${h + 56}`, width: w + 28, height: h + 56, role: "img", "aria-label": title });
@@ -394,19 +396,18 @@ function grid(page, title, numbers, all) {
   return make("figure", {}, make("figcaption", { textContent: title }), svg);
 }
 
-/** The rule in one cell, with the names of its shares. */
-function ruleBox(page) {
-  const { t, scene } = page, { rule, materials: [{ poissons_ratio: nu }] } = scene, [a1, a2, a3] = rule.alpha ?? [0.5, 0.5, 0.25];
+/** The rule in one cell, with the names of its shares: of those that a body has. */
+function ruleBox(t, scene) {
+  const { rule, materials: [{ poissons_ratio: nu }] } = scene, [a1, a2, a3] = rule.alpha ?? [0.5, 0.5, 0.25];
   const svg = draw("svg", { viewBox: "0 0 280 170", width: 280, height: 170, role: "img", "aria-label": t("cell") });
   const word = (x, y, text, anchor = "start") => svg.append(draw("text", { x, y, "text-anchor": anchor, "font-size": 12 }, text));
   const shaft = (d, dashed) => svg.append(draw("path", { d, fill: "none", stroke: "#000", "stroke-width": 1.8, ...(dashed ? { "stroke-dasharray": "3 3" } : {}) }));
   svg.append(draw("rect", { x: 100, y: 50, width: 80, height: 72, fill: "#d5dade", stroke: "#000" }), draw("rect", { x: 100, y: 46, width: 80, height: 80, fill: "none", stroke: "#000", "stroke-dasharray": "3 3" }));
   shaft("M140 4V42M135 34L140 42L145 34"); word(152, 18, `P ${t("comesIn")}`);
   shaft("M140 126V156M135 148L140 156L145 148"); word(152, 150, `${t("ahead")} α₂P`);
-  shaft("M82 66V104M77 96L82 104L87 96"); word(72, 92, "α₃P", "end");
-  shaft("M198 66V104M193 96L198 104L203 96"); word(210, 92, "α₃P");
+  if (a3) { shaft("M82 66V104M77 96L82 104L87 96"); word(72, 92, "α₃P", "end"); shaft("M198 66V104M193 96L198 104L203 96"); word(210, 92, "α₃P"); }
   if (rule.beta !== 1) { shaft("M98 56H56M64 51L56 56L64 61", true); word(4, 42, "(1−β)να₁P"); shaft("M182 56H224M216 51L224 56L216 61", true); word(196, 42, "(1−β)να₁P"); }
   word(140, 84, t("keeps"), "middle"); word(140, 102, "α₁P", "middle");
-  const values = `${Object.entries({ "α₁": a1, "α₂": a2, "α₃": a3, "β": rule.beta, ...(rule.beta === 1 ? {} : { "ν": nu }) }).map(([name, v]) => `${name} = ${general(v, 4)}`).join(", ")}, γ = ${quantity(rule.threshold, "N")}`;
-  return make("div", { className: "rulebox" }, svg, make("div", {}, make("h2", { textContent: t("cell") }), make("p", { textContent: `${rule.accumulate ? t("addsUp") : ""}${t("ruleInWords")}` }), make("p", { textContent: values })));
+  const values = `${Object.entries({ "α₁": a1, "α₂": a2, ...(a3 ? { "α₃": a3 } : {}), ...(rule.beta === 1 ? {} : { "β": rule.beta, "ν": nu }) }).map(([name, v]) => `${name} = ${general(v, 4)}`).join(", ")}, γ = ${quantity(rule.threshold, "N")}`;
+  return make("div", { className: "rulebox" }, svg, make("div", {}, make("h2", { textContent: t("cell") }), make("p", { textContent: `${rule.accumulate ? t("addsUp") : ""}${t("ruleInWords")}${a3 ? t("ruleSides") : ""}${rule.beta === 1 ? "" : t("ruleWidens")}` }), make("p", { textContent: values })));
 }

@@ -17,6 +17,7 @@ export class MotionPage extends Page {
     this.count = parts.length / corners;
     this.fields = Object.fromEntries(Object.keys(colours).map((name) => [name, this.framesOf(columns[`value ${name}`], this.count)]));
     this.moved = moved && this.framesOf(moved, moved.length / (along === "share" ? 1 : at.length));
+    this.pulls = held.some((i) => this.moved?.at(-1).subarray(i * dimension, (i + 1) * dimension).some(Boolean));   // nodes that are held, and moved
     this.each = moved ? dimension * points.length / this.moved[0].length : 0;   // numbers in points to one displacement
     this.look.colour = lesson && "level" in colours ? "level" : Object.keys(colours)[0] ?? "";   // a lesson asks first who is there
     this.curveList = curves;
@@ -135,7 +136,7 @@ export class MotionPage extends Page {
     }
     if (scale) paintLegend(view, scale, this.word(look.colour), this.kindOf(scale), (v) => quantity(v, this.unitOf(look.colour)), inks);
     const level = this.visits[this.g], block = Array(this.dimension).fill(2 ** level).join("×");
-    this.parts.cap.textContent = this.told || [level > 0 && t("parents", { n: block }), this.times && Math.abs(this.times - 1) > 1e-9 && t("magnified", { n: quantity(this.times, "") }), this.lesson && t("measures", { s: this.sides.map((side) => quantity(Number(side.toPrecision(3)), "m")).join(" × ") }), this.lesson && this.corners === 2 && t("heldMark"), this.corners === 2 && this.breaking.length > 0 && t("breaksNow")].filter(Boolean).join(" · ");
+    this.parts.cap.textContent = this.told || [level > 0 && t("parents", { n: block }), this.times && Math.abs(this.times - 1) > 1e-9 && t("magnified", { n: quantity(this.times, "") }), this.lesson && t("measures", { s: this.sides.map((side) => quantity(Number(side.toPrecision(3)), "m")).join(" × ") }), this.lesson && this.corners === 2 && t(this.pulls ? "pulledMark" : "heldMark"), this.corners === 2 && this.breaking.length > 0 && t("breaksNow")].filter(Boolean).join(" · ");
   }
   middle(part) {
     const list = Array.from({ length: this.corners }, (_, i) => this.where(this.parts[part * this.corners + i]));

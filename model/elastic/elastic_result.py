@@ -176,9 +176,9 @@ class ElasticResult(BodyResult):
     @property
     def couples(self) -> dict[str, float]:
         """Couple (N·m) of supports within true outlines, about their middles; > 0 turns left."""
-        found = {} if self.cut_agents is None else self.cut_agents.opinions.supports
+        found = self.cut_agents.opinions.supports if self.cut_agents else {}
         unit = self.found.scales.force * self.found.scales.length
-        return {name: float(unit * borne[2]) for name, borne in found.items()}
+        return {name: float(unit * c[2] * (abs(c[2]) > ROUNDING)) for name, c in found.items()}
 
     @property
     def strain_energy(self) -> float:

@@ -55,7 +55,7 @@ STORE = "sweep.sqlite"
 def by_its_kind(subject: Any, rng: int | None = None) -> Any:
     """Run models and prescribed scenes, solve other scenes and networks; all else is an answer."""
     if isinstance(subject, Scene):
-        if subject.rule.kind == "prescribed":
+        if subject.rule.kind == "prescribed" and not subject.outlined:
             return LoadModel(subject, rng=rng).run()
         return solve(subject)
     return solve_network(subject) if isinstance(subject, SpringNetwork) else subject

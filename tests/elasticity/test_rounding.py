@@ -27,6 +27,7 @@ def test_a_pressure_that_eats_digits_is_noted(ratio, said):
     assert any("rounding leaves" in note for note in result.summary()["notes"]) == said
 
 
+@pytest.mark.slow  # it compiles
 def test_compiling_is_said_once(tmp_path):
     script = (
         "import numpy as np; from kaju.model.elastic.equal import row_kernels as k;"

@@ -152,10 +152,8 @@ def test_damaged_files_are_refused(tmp_path, change):
 
 
 class Rude(GrowthRule):
-    """Answers what is no density."""
-
     def grow(self, felt):
-        return felt.design + 2.0
+        return felt.design + 2.0  # no density
 
 
 BROKEN = {

@@ -481,7 +481,7 @@ def _unproved(scene: Description, body: ResolvedBody) -> Iterator[tuple[object, 
     yield own.material in walls, f"body.material: {own.material} is no body; take a material"
     for number, region in enumerate(own.regions):
         where = f"body.regions.{number}.material"
-        yield region.material in walls[not solid :], f"{where}: {region.material}: use [sides]"
+        yield region.material in walls[not solid :], f"{where}: hold the body by [sides]"
     if not fills:
         raise SceneError("body.regions: all is air; give a region, or the body, a material")
     yield solid and len(fills) > 1, "body.regions: in space take one material, beside air"

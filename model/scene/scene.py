@@ -219,8 +219,8 @@ class Scene(Description):
         for number, filled in enumerate(regions):
             (low, high), shape, where = filled.shape.extent, filled.shape, f"body.regions.{number}"
             others = (one.shape.extent for one in regions[:number] if one.kind != filled.kind)
-            covers = any(np.less(a, high).all() and np.less(low, b).all() for a, b in others)
-            if isinstance(base, int) and filled.kind == base and not covers:
+            own = isinstance(base, int) and filled.kind == base
+            if own and not any(np.less(a, high).all() and np.less(low, b).all() for a, b in others):
                 found.append(f"{where}: this region is of the material below it; is it meant so?")
             if isinstance(shape, ClosedSurface) and shape.ambiguous:
                 found.append(

@@ -37,7 +37,7 @@ MEANINGS = {
     "avalanches": "breaks that follow without more load are one",
     "boundary_agents": "places beside the body that loads reached",
     "compliance_J": "work of the loads: the lower, the stiffer the body",
-    "couple_Nm": "about its middle, to the left above 0; a bolt that lets turn bears force instead",
+    "couple_Nm": "of the support on the body, about its middle; in the plane > 0 turns left",
     "energy_bounds": "the true energy lies between them",
     "error_bound": "a share, in the energy norm; the true error is not larger",
     "error_estimate": "a share, in the energy norm: 0.05 is 5 %",

@@ -12,6 +12,9 @@ from matplotlib.collections import PolyCollection
 
 from kaju.arrays import Floats, Ints
 from kaju.errors import ParameterError
+from kaju.model.elastic.pair.sheets import loops_of
+from kaju.model.outline.posed_outlines import SIDES
+from kaju.model.outline.true_shapes import UNIT
 from kaju.model.results.mesh import corner_order
 from kaju.model.results.result import Tiles
 
@@ -20,6 +23,7 @@ from .style import add_polygons
 
 if TYPE_CHECKING:
     from kaju.model.elastic.elastic_result import ElasticResult
+    from kaju.model.elastic.pair.cut_agents import CutAgents
 
 FINEST = 800
 """Agents smaller than this part of the picture are drawn together."""
@@ -55,7 +59,45 @@ def _curves_of(result: ElasticResult) -> TrueLines | None:
         return None
     lines = found.opinions.along if len(result.scene.cell_materials) > 1 else [np.empty((0, 2, 2))]
     joints = found.ground.edge * np.concatenate(lines)
-    return TrueLines(found.rings(), joints, Arrows(*found.arrows()), result.scene)
+    return TrueLines(found.rings(), joints, arrows_of(found), result.scene)
+
+
+def arrows_of(found: CutAgents) -> Arrows:
+    """Return few arrows that stand for the loads on agents within outlines.
+
+    One stands for what would lie over each other, else 5 for a side, or 16 for an outline.
+    """
+    border, force = found.border, found.border.given
+    walk = np.concatenate(loops_of(*border.ends.T))
+    walk = walk[force[walk].any(axis=1)]
+    places = np.where(border.side >= 0, border.side, len(SIDES) + border.outline)[walk]
+    drawn = []
+    for place in np.unique(places).tolist():
+        rows = walk[places == place]
+        # what is not loaded all round begins where it does not go on
+        gaps = np.flatnonzero(border.ends[rows, 1] != border.ends[np.roll(rows, -1), 0])
+        rows = np.roll(rows, -1 - gaps[0]) if len(gaps) else rows
+        long, outward = np.hypot(*border.run[rows].T), border.outward[rows]
+        unit = force[rows] / np.linalg.norm(force[rows], axis=1, keepdims=True)
+        along_it = abs(float(((unit * outward).sum(axis=1) / long).mean())) < 0.5
+        side, even = place < len(SIDES), np.ptp(unit, axis=0).max() < 1e-6
+        count = 1 if even and (along_it or not side) else 5 if side else 16
+        # places, and sums of the forces up to there, at ends and middles of equal parts
+        way = np.append(0.0, np.cumsum(long))
+        stops = np.linspace(0.0, way[-1], 2 * count + 1)
+        ends = np.vstack([border.at[rows[:1], 0], border.at[rows, 1]])
+        sums = np.vstack([np.zeros(2), np.cumsum(force[rows], axis=0)])
+        at, sofar = (np.array([np.interp(stops, way, x) for x in y.T]).T for y in (ends, sums))
+        own, row = np.diff(sofar[::2], axis=0), np.searchsorted(way[1:-1], stops[1::2])
+        drawn.append((at[1::2], own, (own * outward[row]).sum(axis=1) > 0.0))
+    if found.ground.weight.any():
+        area = found.opinions.area[1][:, None]
+        centre = (area * found.leaves.middle * UNIT).sum(axis=0, keepdims=True) / area.sum()
+        drawn.append((centre, found.ground.weight[None] * area.sum(), np.array([True])))
+    at, own, pull = (np.concatenate(column) for column in zip(*drawn, strict=True))
+    size = np.linalg.norm(own, axis=1)
+    kept = size > 1e-9 * size.max(initial=0.0)  # none in the middle of a couple
+    return Arrows(found.ground.edge * at[kept], found.scales.force * own[kept], pull[kept])
 
 
 def small_agents(result: ElasticResult) -> tuple[Floats, Floats, bool]:

@@ -27,6 +27,7 @@ from .charts import fracture_curves, growth_curves, network_curves
 from .deformed import Joined, join, stress_text
 from .films import evenly
 from .fracture_plots import bearing
+from .layers import arrows_of
 from .quadtree import errors_of
 from .section import Arrows
 from .units import quantity
@@ -319,9 +320,8 @@ def _within_outlines(result: ElasticResult, shown: Motion) -> Motion:
 
 def loads_of(result: ElasticResult) -> Arrows:
     """Return what acts on an elastic body as few arrows."""
-    if result.cut_agents is None:
-        return applied(solved_scene(result))
-    return Arrows(*result.cut_agents.arrows())
+    cut = result.cut_agents
+    return applied(solved_scene(result)) if cut is None else arrows_of(cut)
 
 
 def _energies(result: ElasticResult) -> dict[str, Floats]:

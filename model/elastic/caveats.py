@@ -77,7 +77,7 @@ def no_limit(result: ElasticResult, agent: int) -> str:
 
 def caveats_of(result: ElasticResult) -> tuple[str, ...]:
     """Return what is approximate of an answer: in a few words, for pictures, a colon, and why."""
-    return (*_of_error(result), *_of_loads(result.grid), *_of_outlines(result))
+    return (*_of_error(result), *_of_loads(result.grid), *_of_bolts(result), *_of_outlines(result))
 
 
 def unproved(result: ElasticResult) -> tuple[str, ...]:
@@ -149,6 +149,21 @@ def _of_loads(grid: Scene) -> Iterator[str]:
         if drag and (load.side is None or load.cell is not None):
             where = "where it ends on a flat face, stress grows without limit"
             yield f"loads.{number} drags the surface: {where}"
+
+
+def _of_bolts(result: ElasticResult) -> Iterator[str]:
+    """Say which rigid holes bear couples that bolts do not."""
+    cut, reach = result.cut_agents, max(result.scene.lattice.extent)
+    force = max((float(np.linalg.norm(f)) for f in result.reactions.values()), default=0.0)
+    rigid = cut.ground.rigid.values() if cut else ()
+    found = {name: float(result.couples[name]) for name in rigid}
+    # What moves forces by less than a hundredth is small.
+    if told := [f"{n!r} {c:.4g} Nm" for n, c in found.items() if abs(c) > 0.01 * force * reach]:
+        yield (
+            f"rigid holes do not turn: they bear couples ({', '.join(told)}), and bolts do not; "
+            "real bolts may bear larger forces than the reactions here: for how to find them see "
+            "*Bolts* in the tutorial *Your first bracket*"
+        )
 
 
 def _of_outlines(result: ElasticResult) -> Iterator[str]:

@@ -170,15 +170,30 @@ class ElasticResult(BodyResult):
     @cached_property
     def reactions(self) -> dict[str, Floats]:
         """Force (N) of each support on the body: sides, "rigid" cells inside, rigid regions."""
-        unit = self.found.scales.force
-        return {name: unit * force for name, force in self.found.reactions().items()}
+        unit, d = self.found.scales.force, self.scene.lattice.dimension
+        return {name: unit * borne[:d] for name, borne in self._borne.items()}
 
-    @property
-    def couples(self) -> dict[str, float]:
-        """Couple (N·m) of supports within true outlines, about their middles; > 0 turns left."""
-        found = self.cut_agents.opinions.supports if self.cut_agents else {}
-        unit = self.found.scales.force * self.found.scales.length
-        return {name: float(unit * c[2] * (abs(c[2]) > ROUNDING)) for name, c in found.items()}
+    @cached_property
+    def couples(self) -> dict[str, float | Floats]:
+        """Couple (N·m) of each support on the body, about the middle of where it holds.
+
+        In the plane above 0 to the left, in space about x, y and z.
+        """
+        unit, lattice = self.found.scales.force * self.found.scales.length, self.scene.lattice
+        d, least = lattice.dimension, ROUNDING * self._forces * max(lattice.extent)
+        found = {name: unit * borne[d:] for name, borne in self._borne.items()}
+        return {name: plain(c * (np.abs(c) > least) + 0.0) for name, c in found.items()}
+
+    @cached_property
+    def _borne(self) -> dict[str, Floats]:
+        """What supports bear in the solver's units: of each a force, then a couple."""
+        return self.found.reactions()
+
+    @cached_property
+    def _forces(self) -> float:
+        """The sum (N) of what loads and supports exert, by amount."""
+        borne = sum(float(np.abs(force).sum()) for force in self.reactions.values())
+        return float(np.abs(self.found.applied(self.stage)).sum()) + borne
 
     @property
     def strain_energy(self) -> float:
@@ -261,12 +276,10 @@ class ElasticResult(BodyResult):
     def checks(self) -> list[Check]:
         """Return whether the reactions of the supports balance the loads."""
         applied = self.found.applied(self.stage)
-        reactions = self.reactions.values()
-        missing = sum(reactions, applied.sum(axis=0))
-        forces = np.abs(applied).sum() + sum(np.abs(r).sum() for r in reactions)
+        missing = sum(self.reactions.values(), applied.sum(axis=0))
         # What moved supports strain may leave more rounding than small loads have force.
         lost = max(float(np.abs(missing).max()) - 1e-12 * self.found.scales.force, 0.0)
-        off = lost / float(forces) if forces > 0.0 else 0.0
+        off = lost / self._forces if self._forces > 0.0 else 0.0
         said = any("unbalanced" in note for note in self.notes)
         # Solvers let forces be off by a hundredth of the error that is stated.
         allowed = 1.0 if said else max(BALANCE, 0.01 * self.error_estimate)
@@ -477,7 +490,7 @@ class ElasticResult(BodyResult):
 
     def summary(self) -> dict[str, Any]:
         """Return the key figures as plain numbers and strings."""
-        size, least = self.size, ROUNDING * np.abs(self.found.applied(self.stage)).sum()
+        size, least = self.size, ROUNDING * self._forces
         told = {name: f * (np.abs(f) > least) + 0.0 for name, f in self.reactions.items()}
         figures: dict[str, Any] = {
             "rule": "elastic",
@@ -494,7 +507,7 @@ class ElasticResult(BodyResult):
             "largest_stress_has_no_limit": self.largest_stress.no_limit or None,
             "largest_hoop_stress_Pa": self.largest_along() or None,
             "reaction": {name: force.tolist() for name, force in told.items()},
-            "couple_Nm": self.couples or None,
+            "couple_Nm": {name: np.asarray(c).tolist() for name, c in self.couples.items()},
             "method": self.found.solution.method,
             "iterations": max(len(self.residuals) - 1, 0),
             "residual": self.residuals[-1] if self.residuals else 0.0,
@@ -507,7 +520,7 @@ class ElasticResult(BodyResult):
         if self.goals:
             figures["goal_error"] = finite(self.goal_error)
             figures["goals"] = [goal.figures() for goal in self.goals]
-        elif self.spawned:
+        if self.spawned:
             bound = finite(self.error_bound)
             figures |= {"error_bound": bound, "energy_bounds": self.energy_bounds}
         figures |= {"generations": max(len(self.generations), 1), "notes": list(self.notes)}

@@ -1,4 +1,4 @@
-"""Force through every cut across a body: whether what lies on it is held up.
+"""Forces that a body carries: through every cut across it, and into its supports.
 
 A cut is one layer of cells thick. What it carries is ∫σn dV over the layer, divided by its
 thickness: the resultant of the stress in its middle where agents fill the layer, the mean of the
@@ -9,13 +9,15 @@ counted by how far up the layer they act. An answer that keeps equilibrium does 
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from kaju.arrays import Flags, Floats, first_largest, without_rows
+from kaju.arrays import Flags, Floats, Ints, first_largest, without_rows
 from kaju.errors import ResultError, require
+from kaju.factors import rigid_motions
 from kaju.model.scene import Scene
 from kaju.model.scene.cell_types import DISPLACED, FOUNDATION, RIGID, ROLLER
 from kaju.model.scene.lattice import Lattice
@@ -167,3 +169,27 @@ def _held(scene: Scene, axis: int, ends: Floats, near: float) -> tuple[Flags, Fl
                 highest[component] = np.maximum(highest[component], places.max())
                 lowest[component] = np.minimum(lowest[component], places.min())
     return highest > ends[:-1, None] + near, lowest < ends[1:, None] - near
+
+
+def resultants(
+    names: Sequence[str] | Mapping[int, str],
+    of: Ints,
+    at: Floats,
+    axis: Ints,
+    force: Floats,
+    spots: Floats | None = None,
+) -> dict[str, Floats]:
+    """Return what supports bear, by forces along an axis each: of each the force, then the couple.
+
+    `of` numbers the support of each force. Couples are about the middle of its places (or `spots`):
+    in the plane to the left, in space along each axis.
+    """
+    found, spots = {}, at if spots is None else spots
+    for number in np.unique(of).tolist():
+        here = of == number
+        middle = 0.5 * (spots[here].min(axis=0) + spots[here].max(axis=0))
+        borne = rigid_motions(at[here] - middle, axis[here]).T @ force[here]
+        if len(borne) == 6:  # turns within xy, xz and yz are those about z, -y and x
+            borne[3:] = borne[5], -borne[4], borne[3]
+        found[names[number]] = borne
+    return found

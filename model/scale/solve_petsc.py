@@ -169,7 +169,7 @@ def _pieced(
     reaction: dict[str, Floats] = {}
     for part in comm.allgather(borne):
         for name, force in part.items():
-            reaction[name] = reaction.get(name, 0.0) + unit.force * force
+            reaction[name] = reaction.get(name, 0.0) + unit.force * force[: problem.dimension]
     figures = {
         "rule": "elastic",
         "plane": scene.plane,

@@ -250,8 +250,8 @@ def test_rigid_holes_hold_what_is_round_them() -> None:
     loads = [{"side": "right", "force": [500.0, 200.0]}, {"side": "top", "couple": 30.0}]
     answer = kaju.solve(kaju.Scene(body=body, loads=loads), 0.06)
     assert answer.tolerance_kept == "proved"
-    held = answer.reactions["bolt 0.03"] + answer.reactions["bolt 0.07"]
-    assert held == pytest.approx([-500.0, -200.0], abs=1e-6)
+    assert any(note.startswith("rigid holes do not turn") for note in answer.notes)
+    assert sum(answer.reactions.values()) == pytest.approx([-500.0, -200.0], abs=1e-6)
     arm = 0.04 * answer.reactions["bolt 0.07"][1] + 0.17 * 200.0 + 30.0  # about the first bolt
     assert arm + sum(answer.couples.values()) == pytest.approx(0.0, abs=1e-6)
     assert answer.material_at([[0.03, 0.05], [0.05, 0.05]]).tolist() == [-1, 0]

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kaju.arrays import Flags, Floats, Ints, moved
+from kaju.model.results.cuts import resultants
 from kaju.model.scene.cell_types import FOUNDATION, INSIDE, RIGID, ROLLER
 from kaju.model.scene.lattice import Lattice
 
@@ -176,10 +177,12 @@ def reactions(
     origin: tuple[int, ...] | Ints,
     counted: tuple[Flags, ...] | None = None,
 ) -> dict[str, Floats]:
-    """Return the force (scaled) of every support on the body; of cells inside as "rigid"."""
-    # `origin` is the lattice's cell that is the arrays' first; `counted` are the faces that count,
-    # if the cells are a part of a body.
-    found: dict[str, Floats] = {}
+    """Return the force of every support on the body, then its couple; of cells inside as "rigid".
+
+    See `resultants`; scaled. `origin` is the lattice's cell that is the arrays' first; `counted`
+    are the faces that count, if the cells are a part of a body.
+    """
+    found: list[Any] = []
     kinds, nothing = problem.kinds, 2 * problem.dimension
     side = np.full(kinds.shape, -1, dtype=np.int8)
     for index in range(nothing):
@@ -197,8 +200,10 @@ def reactions(
         pull = np.where(held[at], force[at] - problem.force[axis][at], -spring[at] * u[axis][at])
         # The side whose cells hold a face; -1 if cells inside the array do.
         owner = np.minimum(*(side[at] for side in _sides(holding, axis, nothing)))
-        for index in np.unique(owner[pull != 0.0]):
-            name = INSIDE if index < 0 else lattice.sides[index]
-            total = found.setdefault(name, np.zeros(problem.dimension))
-            total[axis] += pull[owner == index].sum()
-    return found
+        place = np.transpose(at) - 1.0 + 0.5 * (np.arange(problem.dimension) != axis)
+        found.append((owner, place, np.full(len(pull), axis), pull))
+    of, place, along, pull = (np.concatenate(one) for one in zip(*found, strict=True))
+    some = np.isin(of, of[pull != 0.0])
+    # Faces half a cell beyond a side are held there, but the support ends at the side.
+    rows = [one[some] for one in (of, place, along, pull, np.clip(place, 0, problem.shape))]
+    return resultants([*lattice.sides, INSIDE], *rows)

@@ -345,7 +345,7 @@ class Supported(DualGoal):
                 f"goal: nothing holds the body at {self._name!r}; supports are "
                 f"{', '.join(reactions) or 'missing'}"
             )
-        return np.asarray(self.directions @ reactions[self._name])
+        return np.asarray(self.directions @ reactions[self._name][: self.directions.shape[1]])
 
     def by_works(self, read: float, works: float, fitted: float, sides: Sides) -> float:
         """Return the force: beds bear what their movement works, others nothing that is known."""

@@ -13,7 +13,7 @@ from kaju.arrays import Flags, Floats, Ints, nearest, points_in
 from kaju.errors import ResultError
 from kaju.model.elastic.goals.quantities import Deflection, Stress
 from kaju.model.outline.hoop_stress import HoopStress
-from kaju.model.outline.posed_outlines import SIDES, OutlinedBody
+from kaju.model.outline.posed_outlines import OutlinedBody
 from kaju.model.outline.true_shapes import UNIT, leaf_at
 from kaju.model.results.cuts import Carrying, Cuts, axis_of_cuts, cuts_through
 
@@ -62,13 +62,14 @@ class CutAgents(PairAgents):
         return self.opinions.displacement_at(np.arange(self.count), middles)
 
     @property
-    def _border(self) -> Border:
+    def border(self) -> Border:
+        """The border of the stress that balances, with the loads on it."""
         return self.opinions.borders[1]
 
     def applied(self, stage: int | None = None) -> Floats:
         """Return the forces (N) on the body, shape (n, 2): along its border, and its weight."""
         weight = self.ground.weight * self.opinions.area[1].sum()
-        return np.asarray(self.scales.force * np.vstack([self._border.given, weight[None]]))
+        return np.asarray(self.scales.force * np.vstack([self.border.given, weight[None]]))
 
     def cuts(self, axis: str | None) -> Cuts:
         """Return the forces through cuts: see `Cuts`. Layers are as thick as the first agents."""
@@ -80,7 +81,7 @@ class CutAgents(PairAgents):
         middle = edge * UNIT * self.leaves.middle
         parts = Carrying(middle, size, volume, self.scales.stress * self.balanced)
         # Along edges loads are linear, so two places stand for each; weight acts in the middles.
-        border, fields = self._border, self.opinions.balancing
+        border, fields = self.border, self.opinions.balancing
         between, off = border.at.mean(axis=1), border.run / 12**0.5
         places = [
             between - off,
@@ -96,43 +97,6 @@ class CutAgents(PairAgents):
         near = np.stack([one.min(initial=inf) < ends[1:] for one in held], axis=1)
         at = edge * np.concatenate(places)[:, number]
         return cuts_through(number, ends, parts, (at, loads), (far, near))
-
-    def arrows(self) -> tuple[Floats, Floats, Flags]:
-        """Return few places (m) and forces (N) that stand for the loads, and which of them pull.
-
-        One stands for what would lie over each other, else 5 for a side, or 16 for an outline.
-        """
-        border, force = self._border, self._border.given
-        walk = np.concatenate(loops_of(*border.ends.T))
-        walk = walk[force[walk].any(axis=1)]
-        places = np.where(border.side >= 0, border.side, len(SIDES) + border.outline)[walk]
-        found = []
-        for place in np.unique(places).tolist():
-            rows = walk[places == place]
-            # what is not loaded all round begins where it does not go on
-            gaps = np.flatnonzero(border.ends[rows, 1] != border.ends[np.roll(rows, -1), 0])
-            rows = np.roll(rows, -1 - gaps[0]) if len(gaps) else rows
-            long, outward = np.hypot(*border.run[rows].T), border.outward[rows]
-            unit = force[rows] / np.linalg.norm(force[rows], axis=1, keepdims=True)
-            along_it = abs(float(((unit * outward).sum(axis=1) / long).mean())) < 0.5
-            side, even = place < len(SIDES), np.ptp(unit, axis=0).max() < 1e-6
-            count = 1 if even and (along_it or not side) else 5 if side else 16
-            # places, and sums of the forces up to there, at ends and middles of equal parts
-            way = np.append(0.0, np.cumsum(long))
-            stops = np.linspace(0.0, way[-1], 2 * count + 1)
-            ends = np.vstack([border.at[rows[:1], 0], border.at[rows, 1]])
-            sums = np.vstack([np.zeros(2), np.cumsum(force[rows], axis=0)])
-            at, sofar = (np.array([np.interp(stops, way, x) for x in y.T]).T for y in (ends, sums))
-            own, row = np.diff(sofar[::2], axis=0), np.searchsorted(way[1:-1], stops[1::2])
-            found.append((at[1::2], own, (own * outward[row]).sum(axis=1) > 0.0))
-        if self.ground.weight.any():
-            area = self.opinions.area[1][:, None]
-            centre = (area * self.leaves.middle * UNIT).sum(axis=0, keepdims=True) / area.sum()
-            found.append((centre, self.ground.weight[None] * area.sum(), np.array([True])))
-        at, own, pull = (np.concatenate(column) for column in zip(*found, strict=True))
-        size = np.linalg.norm(own, axis=1)
-        kept = size > 1e-9 * size.max(initial=0.0)  # none in the middle of a couple
-        return self.ground.edge * at[kept], self.scales.force * own[kept], pull[kept]
 
     def located(self, points: Floats) -> tuple[Floats, Ints]:
         """Return points (m) as an array, and the agent that each lies in or on; none is outside."""

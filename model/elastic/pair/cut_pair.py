@@ -18,7 +18,7 @@ from kaju.model.elastic.free_motion import free_motion
 from kaju.model.outline.leaf_triangles import leaf_triangles
 from kaju.model.outline.posed_outlines import SIDES, OutlinedBody, UnlikeError
 from kaju.model.outline.true_shapes import UNIT, covering
-from kaju.model.scene.curves import cross
+from kaju.model.results.cuts import resultants
 
 from .cut_fields import Balancing, CutFitting
 from .cut_mesh import Border, CutMesh, mesh_of
@@ -153,12 +153,7 @@ class CutPair:
         return tensors(np.where(np.isfinite(balanced), balanced, fitted)), tensors(fitted)
 
     def reactions(self) -> dict[str, Floats]:
-        """Return the force of every support on the body, of the stress that balances."""
-        return {name: borne[:2] for name, borne in self.supports.items()}
-
-    @cached_property
-    def supports(self) -> dict[str, Floats]:
-        """The force of every support, and its couple about the middle of the support."""
+        """Return what supports bear of the stress that balances, as `resultants`."""
         mesh, border = self.balancing.mesh, self.borders[1]
         # along an edge that stress is linear: two places stand for it
         at = border.at.mean(axis=1) + np.array([-1.0, 1.0])[:, None, None] * border.run / 12**0.5
@@ -168,10 +163,10 @@ class CutPair:
         of = np.where(border.side >= 0, border.side, len(SIDES) + border.outline)
         names = {k: name for k, name in enumerate(SIDES) if name in self.body.held}
         names |= {len(SIDES) + which: name for which, name in self.body.rigid.items()}
+        edge, axis = np.nonzero(border.held)
+        # forces at both ends of an edge that are as its traction
+        even, tilt = borne.mean(axis=0), np.diff(borne, axis=0)[0] / 12**0.5
+        force = np.stack([even - tilt, even + tilt])[:, edge, axis].ravel()
+        rows = np.tile(of[edge], 2), border.at[edge].swapaxes(0, 1).reshape(-1, 2)
         found = dict.fromkeys(names.values(), np.zeros(3))
-        for k in np.unique(of[border.held.any(axis=1)]).tolist():
-            ends, force = border.at[of == k].reshape(-1, 2), borne[:, of == k].reshape(-1, 2)
-            arm = at[:, of == k].reshape(-1, 2) - 0.5 * (ends.min(axis=0) + ends.max(axis=0))
-            turned = np.append(force.sum(axis=0), cross(arm, force).sum())
-            found[names[k]] = found[names[k]] + turned
-        return found
+        return found | resultants(names, *rows, np.tile(axis, 2), force)

@@ -131,6 +131,7 @@ def agents_of(found: Settled) -> PairAgents:
 
 def _largest(agents: PairAgents) -> Largest:
     """Return the largest displacement, stress and reaction."""
-    forces = [float(np.linalg.norm(force)) for force in agents.reactions().values()]
+    d = agents.ground.dimension
+    forces = [float(np.linalg.norm(borne[:d])) for borne in agents.reactions().values()]
     stress = float(np.linalg.norm(agents.stress, axis=(1, 2)).max())
     return {Deflection: agents.farthest, Stress: stress, Reaction: max(forces, default=0.0)}

@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from kaju.arrays import Floats, Ints
+from kaju.model.results.cuts import resultants
 
 from . import elements
 from .airy import bed_rows, first_stress, of_tractions
@@ -107,15 +108,16 @@ class Opinions(Fitting):
         return tensors(balanced), tensors(stress_of(strain, self.law))
 
     def reactions(self) -> dict[str, Floats]:
-        """Return the force of every support on the body, of the stress that balances; scaled."""
-        sides, borne = self.sides, ~self.sides.given
-        own = self.on_border()[:, 0] - sides.straight
-        own -= sides.load[self.mesh.owner, self.mesh.side, 0]
-        names = support_names(self.body)
-        return {
-            names[k]: np.where(borne & (sides.support == k)[:, None], own, 0.0).sum(axis=0)
-            for k in np.unique(sides.support[borne.any(axis=1)])
-        }
+        """Return what supports bear of the stress that balances, as `resultants`; scaled."""
+        mesh, sides = self.mesh, self.sides
+        own = self.on_border() - sides.load[mesh.owner, mesh.side]
+        own[:, 0] -= sides.straight
+        side, axis = np.nonzero(~sides.given)
+        # forces at both ends of a side that are as its traction, which is linear
+        even, tilt = 0.5 * own[side, 0, axis], own[side, 1, axis]
+        at = mesh.place[mesh.on_border[side, :2]].swapaxes(0, 1) / self.body.cell
+        rows = np.tile(sides.support[side], 2), at.reshape(-1, 2), np.tile(axis, 2)
+        return resultants(support_names(self.body), *rows, np.append(even - tilt, even + tilt))
 
     def borne(self, moved: Floats) -> float:
         """Return the work of what supports bear on how they move, shape (m, 2)."""

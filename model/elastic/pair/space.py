@@ -19,10 +19,11 @@ from kaju.arrays import Floats, Ints
 from kaju.errors import ParameterError
 from kaju.model.elastic.posed_body import PosedBody
 from kaju.model.elastic.scales import ROUNDED
+from kaju.model.results.cuts import resultants
 
 from .border import support_names
 from .displacement import Fitting, held_by
-from .elements import corner_ends, gauss, on_sides, quadratic_values, side_loads, strain_rows
+from .elements import corner_ends, gauss, quadratic_values, strain_rows
 from .gap import Bounds, roots_of, stress_of, tensors
 from .leaves import followed
 from .levels import DIRECT, Blocks, FieldLevel, by_laws
@@ -129,22 +130,26 @@ class Bricks(Fitting):
         return self.stresses_at(np.arange(len(self.leaves)), np.full((len(self.leaves), 3), 0.5))
 
     def reactions(self) -> dict[str, Floats]:
-        """Return the force of every support on the body."""
+        """Return what supports bear, as `resultants`; scaled."""
         mesh, sides, names = self.mesh, self.sides, support_names(self.body)
         # What several supports hold together each of them holds to the same share.
         flat = np.swapaxes(held_by(mesh, sides), 0, 1).reshape(len(mesh.place) + len(mesh.ends), -1)
         holds = mesh.masters(flat).reshape(len(flat), -1, 3)
         pull = (mesh.tied[0].T @ self._left().reshape(-1, 3))[:, None]
         pull = pull * holds / np.maximum(holds.sum(axis=1, keepdims=True), 1)
-        # A shift of a side moves its corners, and leaves the bulges at 0.
-        total: Floats = np.asarray(pull[: len(mesh.place)].sum(axis=0))
-        np.subtract.at(total, sides.support, sides.straight)
-        owner, side = mesh.owner[sides.beds], mesh.side[sides.beds]
-        own = self.fit.reshape(-1, 20, 3)
-        moved = own[owner[:, None], on_sides(3)[side], side[:, None] // 2] @ side_loads(3)[0]
-        borne = sides.bed[sides.beds] * self.size[owner] ** 2 * moved
-        np.subtract.at(total, (sides.support[sides.beds], side // 2), borne)
-        return {names[k]: total[k] for k in np.unique(sides.support[(~sides.given).any(axis=1)])}
+        # Rigid motions of a side move its corners, and leave the bulges at 0.
+        vertex, of, axis = np.nonzero(holds[: len(mesh.place)])
+        parts = [(of, mesh.place[vertex], axis, pull[vertex, of, axis])]
+        side, axis = np.nonzero(sides.held)
+        middle = mesh.place[mesh.on_border[side, :4]].mean(axis=1)
+        parts.append((sides.support[side], middle, axis, -sides.straight[side, axis]))
+        if self.blocks.extra is not None:
+            bed = -(self.blocks.extra @ self.blocks.shared(self.fit)).reshape(-1, 3)
+            vertex, axis = np.nonzero(bed[: len(mesh.place)])
+            of = 2 * axis + (mesh.place[vertex, axis] > 0)
+            parts.append((of, mesh.place[vertex], axis, bed[vertex, axis]))
+        of, at, axis, force = (np.concatenate(one) for one in zip(*parts, strict=True))
+        return resultants(names, of, at / self.body.cell, axis, force)
 
 
 def hats_of(found: Bricks, way: sp.csr_array, free: Ints) -> tuple[FieldLevel, sp.csr_array]:

@@ -237,5 +237,6 @@ class OwnAgents:
         over = f" over arm {parts['arm']!r}" if own and hook != "emissions" else ""
         pull = "or 'pull'" if "pull" in senses else "('pull' needs sense = true in the rule)"
         told = f"{does} {brief(sent)}{over}; wrong: {unfit}; it must have {own}a direction from 0"
+        told += f" to {every[-1]} ({', '.join(lattice.direction_names)}), "
         sized = f"a finite {' and '.join(sizes)} of at least 0, and the sense 'push' {pull}"
-        raise self.wrong(agent, hook, f"{told} to {every[-1]}, {sized}")
+        raise self.wrong(agent, hook, told + sized)

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 UNITS = {
     key: unit
     for unit, keys in {
-        "N": "threshold load_taken load_dropped load_absorbed reaction residual_load",
+        "N": "threshold load_taken load_dropped reaction residual_load",
         "m": "max_displacement smallest_agent largest_agent displacement_left",
         "J": "potential_energy strain_energy energy_bounds",
         "s": "duration seconds",
@@ -70,7 +70,7 @@ NAMES = {
 """Keys that say more to a reader under another name."""
 
 SAID = {"notes", "outcome", "model", "kaju_version", "iterations", "residual", "subdivision"}
-SAID |= {"goal", "goal_error"}
+SAID |= {"goal", "goal_error", "load_returned", "load_absorbed", "load_waiting"}
 """Keys that stand in other lines, as in those of goals, or are for files."""
 
 

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
+from numbers import Integral
 from typing import Any, NamedTuple, Self
 
 from numpy.random import default_rng
 
 from kaju._mesa import DataCollector, Model, number_agents_of, track_figures
 from kaju.agents.own_agents import noting_agents
-from kaju.errors import ParameterError, brief, require
+from kaju.errors import AgentError, ParameterError, brief, require
 from kaju.result_kinds import NOTEBOOK, fetch
 
 
@@ -54,12 +55,16 @@ class SteppedModel(Model):
         self.steps_taken, self._stepping = 0, False
         number_agents_of(self)
         given = rng if seed is None else seed
+        if given is None:  # one that can be told, so that the run can be had again
+            given = int(default_rng().integers(2**32))
         try:
             default_rng(given)
         except (TypeError, ValueError):
             told = "rng: its seed must be a whole number, not below 0"
             raise ParameterError(f"{told}, got {brief(given)}") from None
         super().__init__(rng=given, **of_mesa)
+        self.seed = int(given) if isinstance(given, Integral) else None
+        """Seed of the random numbers, also if none was given; None if `rng` was no whole number."""
         track_figures(self)
         self.first_states = self.rng.bit_generator.state, self.random.getstate()
 
@@ -80,7 +85,7 @@ class SteppedModel(Model):
             self._stepping = True
             try:
                 with noting_agents():
-                    self.act_once(self._own_step)
+                    self.act_once(self._let_act)
             finally:
                 self._stepping = False
             if self._own_collector:
@@ -88,6 +93,23 @@ class SteppedModel(Model):
             else:  # Mesa copies every figure deeply, which would cost as much as a small step
                 self._noted.append(Noted(self.steps, float(self.steps), self.figures()))
         self.steps = self.steps_taken
+
+    def _let_act(self) -> None:
+        """Call `step`; refuse one of a subclass in which no agent acts, at once."""
+        self._own_step()
+        code = getattr(self._own_step, "__code__", None)
+        known = code is None or "step" in (*code.co_names, *code.co_consts)
+        if self.steps_taken == 1 and not (known or self.acted):
+            name = type(self).__name__
+            raise AgentError(f"step: {name}.step lets no agent act; call super().step() in it")
+
+    acted = property(lambda model: model.generation > 0, doc="Whether agents have acted.")
+
+    @property
+    def seed_drawn_from(self) -> int | None:
+        """The seed, if random numbers have been drawn."""
+        now = self.rng.bit_generator.state, self.random.getstate()
+        return None if self.seed is None or now == self.first_states else self.seed
 
     def act_once(self, step: Callable[[], None]) -> None:
         """Take one `step`, of this class or a subclass, with what comes before and after it."""

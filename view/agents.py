@@ -19,6 +19,7 @@ from matplotlib.lines import Line2D
 from kaju.arrays import Floats, Ints
 from kaju.model.scene.cell_types import AIR, RIGID, ROLLER
 from kaju.model.transfer.stage import Stage
+from kaju.model.transfer.transfer import BOUNDARY_NAMES
 from kaju.model.transfer.transfer_result import TransferResult
 
 from . import load_plots, style
@@ -82,15 +83,16 @@ def _mark_pulled(ax: Axes, section: Section, stage: Stage) -> list[Artist]:
     return [Line2D([], [], label="took more pulls than pushes", **look)]
 
 
-def _entries(kinds: Ints) -> list[Artist]:
+def _entries(result: TransferResult, kinds: Ints) -> list[Artist]:
     """Return what explains the symbols of these kinds of boundary agents in a legend."""
-    return [
-        Line2D(
-            [], [], ls="", marker=s.marker, mfc="white", mec=INK, ms=6, label=f"{s.name}: {s.does}"
-        )
-        for kind, s in SYMBOLS.items()
-        if (kinds == kind).any()
-    ]
+    look: dict[str, Any] = {"ls": "", "marker": "o", "mfc": "white", "mec": INK, "ms": 6}
+    entries: list[Artist] = []
+    for kind, symbol in SYMBOLS.items():
+        own = result.own_boundaries.get(BOUNDARY_NAMES[kind])
+        label = f"{own}: {symbol.name} of your own" if own else f"{symbol.name}: {symbol.does}"
+        if (kinds == kind).any():
+            entries.append(Line2D([], [], **look | {"marker": symbol.marker}, label=label))
+    return entries
 
 
 def _until(stage: Stage, generation: int | None) -> int:
@@ -151,7 +153,7 @@ def plot_agents(
         load_plots.draw_loads(picture.ax, coarse, stage, loads, scale, plain=True)
         picture.entries += load_plots.sense_entries(loads, stage.taken.shape[1], plain=True)
     style.count_bar(picture.ax, ScalarMappable(norm, SEQUENTIAL), WOKE)
-    picture.entries += _entries(stage.boundary_kind[section.holds(stage.boundary_cells)])
+    picture.entries += _entries(result, stage.boundary_kind[section.holds(stage.boundary_cells)])
     gamma = f"γ = {quantity(load_plots.threshold_of(result), 'N')}"
     notes = [_happened(stage, generation), "; ".join([*picture.notes, gamma])]
     return picture.finish("Agents" if generation is None else "Cells wake and pass loads on", notes)
@@ -208,7 +210,7 @@ def _plot_in_space(
         look |= {"s": 26, "depthshade": False, "zorder": 4, "gid": f"{symbol.name}s"}
         space.scatter(*((places + 0.5) * edge).T, c=colour(norm(step)), **look)
     style.count_bar(space, ScalarMappable(norm, SEQUENTIAL), WOKE)
-    legend(space, _entries(stage.boundary_kind))
+    legend(space, _entries(result, stage.boundary_kind))
     caption(space, "Agents", [_happened(stage, generation), *notes, *box.notes])
     return cast("Axes", space)
 

@@ -122,7 +122,7 @@ def plot(subject: Any, what: str | None = None, ax: Axes | None = None, **option
     name = next(iter(known)) if what is None else what
     if name not in known:
         raise ParameterError(
-            f"what: there is no picture {name!r} of a {type(subject).__name__}"
+            f"what: there is no picture {name!r} of {type(subject).__name__}"
             f"{suggestion(str(name), known)}; there is {', '.join(known)}"
         )
     check_options(name, known[name], options)

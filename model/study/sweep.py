@@ -459,10 +459,10 @@ def _found(result: Any, table: Mapping[str, Any], name: str) -> Any:
             else:
                 found = getattr(found, key)
         except (KeyError, IndexError, TypeError, AttributeError):
-            known = ", ".join(key for key, value in table.items() if _is_figure(plain(value)))
-            raise ParameterError(
-                f"measure: the result has no {name!r}; its summary has {known}"
-            ) from None
+            known = [key for key, value in table.items() if _is_figure(plain(value))]
+            near = errors.suggestion(name, known)
+            told = f"measure: the result has no {name!r}{near}; its summary has {', '.join(known)}"
+            raise ParameterError(told) from None
     return found
 
 

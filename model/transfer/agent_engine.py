@@ -100,14 +100,14 @@ class AgentEngine:
         self.agents, self.boundaries = {}, {}
         self.boxes: dict[Index, LoadBox] = {}  # of the body's cells
         self.called: list[LoadBox] = []
-        self.generation = 0
+        self.generation, self.asked = 0, True
         self.waiting: list[MaterialAgent] = []
         # Who took how much, by state: generation, agent, loads (N).
         self.acts: list[tuple[int, MaterialAgent, dict[int, float]]] = []
         self.record: list[tuple[Ints, Ints, Ints, Floats]] = []  # generation, place, state, load
         self.known: dict[str, dict[MaterialAgent, float]] = {name: {} for name in self.states}
         self.changes: dict[str, list[tuple[int, int, float]]] = {name: [] for name in self.states}
-        self.applied = 0.0
+        self.applied = self.absorbed = 0.0
         self.taken = self.passed = self.returned = self.dropped = self.pending = 0.0
 
     # One generation: begin, agents act, end.
@@ -115,12 +115,19 @@ class AgentEngine:
     def begin(self) -> None:
         """Count a generation, and see for whom loads wait."""
         self.generation += 1
+        self.asked = False
         if len(self._same) > MOST_REMEMBERED:
             self._same.clear()
         self.waiting = [agent for agent in self.agents.values() if agent.inbox]
 
+    @property
+    def acted(self) -> bool:
+        """Whether agents were asked in this generation, or some have taken their loads."""
+        return self.asked or not all(agent.inbox for agent in self.waiting)
+
     def act(self, order: Order[MaterialAgent] | None = None) -> None:
         """Let all act for whom loads wait, or those whom an order chooses."""
+        self.asked = True
         waiting = [agent for agent in self.waiting if agent.inbox]
         for agent in waiting if order is None or not waiting else chosen(order, waiting):
             agent.step()
@@ -150,9 +157,12 @@ class AgentEngine:
         for (direction, magnitude, sense), copies in loads.items():
             boundary = self._wake(box) if box.agent is None else box.agent
             back = boundary.answer(Load(direction, magnitude, copies, sense), arm)
+            came = magnitude * copies
             if back is not None:
                 given += back.total
+                came -= back.total
                 self._bring(home, back)
+            self.absorbed += came
         return given
 
     def _open_boxes(self) -> None:
@@ -394,7 +404,7 @@ class AgentEngine:
             returned=self.returned,
             dropped=self.dropped + float(totals.dropped.sum()),
             pending=self.pending,
-            absorbed=sum((boundary.kept for boundary in boundaries), start=0.0),
+            absorbed=self.absorbed,
         )
         return Stage(
             **totals._asdict(),

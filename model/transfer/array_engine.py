@@ -59,6 +59,7 @@ class ArrayEngine:
     """One stage of load transfer at a time, on arrays."""
 
     most_at_one = 0  # rows of a table, not objects: any number may wait at one agent
+    absorbed = 0.0  # kaju's own boundaries give all back
 
     def __init__(self, transfer: Transfer) -> None:
         self.transfer, self.scene, self.lattice = transfer, transfer.scene, transfer.lattice

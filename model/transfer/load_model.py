@@ -37,6 +37,7 @@ FIGURES = {
     "material_agents": "engine.awake",
     "load_taken": "engine.taken",
     "load_returned": "engine.returned",
+    "load_absorbed": "engine.absorbed",
     "load_dropped": "engine.ended",
     "load_waiting": "engine.pending",
 }
@@ -170,6 +171,11 @@ class LoadModel(SteppedModel):
             raise ParameterError(f"{name}: {told} {type(self).__name__}(scene, {name}={value!r})")
         super().__setattr__(name, value)
 
+    def __repr__(self) -> str:
+        cells = " x ".join(map(str, self.lattice.shape))
+        awake = f"agents awake: {self.engine.awake}"
+        return f"<{type(self).__name__} of {cells} cells: {self.course.progress()}, {awake}>"
+
     def reset(self) -> None:
         """Go back to the first stage, before any load was taken, and to the first seed."""
         self._start_again()
@@ -198,8 +204,12 @@ class LoadModel(SteppedModel):
     def result(self) -> TransferResult:
         """Return what has been computed so far."""
         with noting_agents():
-            return self.course.result()
+            walls = self._own["boundary_agents"] or {}
+            names = {kind: wall.__name__ for kind, wall in walls.items()}
+            seed = self.seed_drawn_from
+            return replace(self.course.result(), own_boundaries=names, seed=seed)
 
+    acted = property(attrgetter("engine.acted"), doc="Whether agents have acted in this step.")
     generation = property(attrgetter("engine.generation"), doc="Steps taken in the current stage.")
     stage = property(attrgetter("course.stage"), doc="Current stage of loading, counted from 1.")
     pending = property(attrgetter("engine.pending"), doc="Loads that wait to be taken (N), summed.")

@@ -100,8 +100,8 @@ class LoadTransfer(Stepper[TransferResult]):
         watched = not (self.certificate.known or self.allow_unstable)
         if not pending <= (1e3 if watched else MOST_GROWN) * applied:  # or NaN
             remedy = (
-                "; to watch them grow further, set allow_unstable=True "
-                "(`kaju run --allow-unstable`)"
+                "; shares are for each newton taken, not newtons; to watch them grow further, set "
+                "allow_unstable=True (`kaju run --allow-unstable`)"
             )
             return (
                 f"stopped after {generation} generations: the loads have grown to "

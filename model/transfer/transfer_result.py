@@ -71,6 +71,10 @@ class TransferResult(BodyResult):
     """Values of the parameters that agents of your own declare, by name."""
     own_agents: tuple[str, ...] = ()
     """Names of the classes of agents of your own."""
+    own_boundaries: Mapping[str, str] = field(default_factory=dict)
+    """Names of those of boundaries, by "free", "rigid" or "roller"."""
+    seed: int | None = None
+    """The model's seed, if the run drew random numbers: with ``rng=seed`` it goes alike again."""
 
     def __post_init__(self) -> None:
         if not 1 <= len(self.stages) <= self.scene.stages:
@@ -271,6 +275,7 @@ class TransferResult(BodyResult):
             "rule": "prescribed",
             **({"own_agents": ", ".join(self.own_agents)} if self.own_agents else {}),
             **({"parameters": dict(self.parameters)} if self.parameters else {}),
+            **({} if self.seed is None else {"seed": self.seed}),
             "outcome": self.outcome,
             "generations": stage.generations,
             "material_agents": len(stage.cells),
@@ -278,8 +283,10 @@ class TransferResult(BodyResult):
             "free_boundary_agents": int((stage.boundary_kind == AIR).sum()),
             "rigid_boundary_agents": int((stage.boundary_kind == RIGID).sum()),
             "load_taken": stage.ledger.taken,
+            "load_returned": stage.ledger.returned,
+            "load_absorbed": stage.ledger.absorbed,
             "load_dropped": stage.ledger.dropped,
-            **({"load_absorbed": stage.ledger.absorbed} if stage.ledger.absorbed else {}),
+            "load_waiting": stage.ledger.pending,
             "reaction": {name: force.tolist() for name, force in self.reactions.items()},
             "max_displacement": self.max_displacement,
             "spectral_radius": self.certificate.spectral_radius,

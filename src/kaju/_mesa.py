@@ -73,7 +73,7 @@ class MadeByModels(type(mesa.Agent)):  # type: ignore[misc]
 
     def __call__(cls, model: Any = None, *start: Any, **named: Any) -> Any:
         """Make an agent of a model; refuse to be called by anybody else."""
-        if not isinstance(model, Model):
+        if not (isinstance(model, Model) and (start or named)):
             raise AgentError(
                 f"{cls.__name__}(): a model makes its agents, where loads arrive; give it the "
                 f"class itself, without brackets: {cls.__name__}, as in "

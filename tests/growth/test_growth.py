@@ -134,17 +134,14 @@ def test_it_is_stored_and_shown(tmp_path):
 _BY_STEP = ("compliances", "volumes", "changes", "iterations", "designs")
 
 
-@pytest.mark.parametrize(
-    "change",
-    [
-        lambda arrays, about: arrays.update(cells=arrays["cells"][:-1]),
-        lambda arrays, about: arrays.update(cells=arrays["cells"] + 1.0),
-        lambda arrays, about: arrays.update(designs=arrays["designs"][:-1]),
-        lambda arrays, about: about.update(stage=7),
-        lambda arrays, about: about.pop("kind"),
-        lambda arrays, about: [arrays.update({n: arrays[n][:0]}) for n in _BY_STEP],
-    ],
-)
+@pytest.mark.parametrize("change", [
+    lambda arrays, about: arrays.update(cells=arrays["cells"][:-1]),
+    lambda arrays, about: arrays.update(cells=arrays["cells"] + 1.0),
+    lambda arrays, about: arrays.update(designs=arrays["designs"][:-1]),
+    lambda arrays, about: about.update(stage=7),
+    lambda arrays, about: about.pop("kind"),
+    lambda arrays, about: [arrays.update({n: arrays[n][:0]}) for n in _BY_STEP],
+])  # fmt: skip
 def test_damaged_files_are_refused(tmp_path, change):
     path = small().run(2).save(tmp_path / "grown")
     with pytest.raises(ResultFileError):

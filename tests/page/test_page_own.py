@@ -72,6 +72,8 @@ def test_what_is_overridden_is_recorded_and_named(name):
     assert header["kind"] == "recorded"
     assert header["own"]["names"] == [name]
     assert f" {name}" in header["own"]["source"]
+    assert ("boundary_agents" in OWN[name]) == (name in header["walls"].values())
+    assert (name in ("Absorbing", "Ice")) == bool(header["absorbed"])
     agents = len(model.run().last.cells)
     assert header["verdict"] == f"{model.outcome}, {agents} agents" or model.certificate.known
     # A result does not know its classes; what they did tells them from the rule's own.

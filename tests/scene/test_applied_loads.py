@@ -19,21 +19,18 @@ def rows(applied):
     return sorted((tuple(cell), d, tuple(round(f, 12) for f in force)) for cell, d, force in parts)
 
 
-@pytest.mark.parametrize(
-    ("cell", "force", "side"),
-    [
-        # by the face it points into
-        ((1, 1), (0, -1), TOP),
-        ((1, 1), (0, 1), BOTTOM),
-        ((1, 1), (1, 0), LEFT),
-        ((1, 1), (-1, 0), RIGHT),
-        ((1, 1), (-0.5, -1), TOP),
-        # diagonal: by the surface or in the middle
-        ((1, 2), (1, -1), TOP),
-        ((1, 1), (1, -1), MIDDLE),
-        ((0, 2), (1, -1), MIDDLE),
-    ],
-)
+@pytest.mark.parametrize(("cell", "force", "side"), [
+    # by the face it points into
+    ((1, 1), (0, -1), TOP),
+    ((1, 1), (0, 1), BOTTOM),
+    ((1, 1), (1, 0), LEFT),
+    ((1, 1), (-1, 0), RIGHT),
+    ((1, 1), (-0.5, -1), TOP),
+    # diagonal: by the surface or in the middle
+    ((1, 2), (1, -1), TOP),
+    ((1, 1), (1, -1), MIDDLE),
+    ((0, 2), (1, -1), MIDDLE),
+])  # fmt: skip
 def test_where_a_force_enters_its_cell(cell, force, side):
     assert rows(plate({"cell": cell, "force": force}).applied()) == [(cell, side, force)]
 
@@ -43,23 +40,20 @@ OVER_PARTS = {"box": [[0.15, 0.3], [0.3, 0.3]]}
 WITHIN = {"box": [[0.1, 0.1], [0.3, 0.2]]}
 
 
-@pytest.mark.parametrize(
-    ("load", "expected"),
-    [
-        ({"cell": [1, 2], "side": "left", "force": [0, -1]}, [((1, 2), LEFT, (0, -1))]),
-        ({"point": [0.13, 0.17], "force": [0, -1]}, [((1, 1), TOP, (0, -1))]),
-        (  # on the surface between two cells
-            {"point": [0.2, 0.3], "force": [0, -1]},
-            [((1, 2), TOP, (0, -0.5)), ((2, 2), TOP, (0, -0.5))],
-        ),
-        ({"region": OVER_TWO, "force": [0, -1]}, [((i, 2), TOP, (0, -0.5)) for i in (1, 2)]),
-        ({"region": OVER_PARTS, "force": [0, -3]}, [((i, 2), TOP, (0, -i)) for i in (1, 2)]),
-        ({"region": OVER_PARTS, "pressure": 100.0}, [((i, 2), TOP, (0, -2.5 * i)) for i in (1, 2)]),
-        ({"region": WITHIN, "force": [1, 0]}, [((i, 1), MIDDLE, (0.5, 0)) for i in (1, 2)]),
-        # 0.1 m x 0.5 m x 100 Pa
-        ({"side": "left", "pressure": 100.0}, [((0, j), LEFT, (5.0, 0)) for j in range(3)]),
-    ],
-)
+@pytest.mark.parametrize(("load", "expected"), [
+    ({"cell": [1, 2], "side": "left", "force": [0, -1]}, [((1, 2), LEFT, (0, -1))]),
+    ({"point": [0.13, 0.17], "force": [0, -1]}, [((1, 1), TOP, (0, -1))]),
+    (  # on the surface between two cells
+        {"point": [0.2, 0.3], "force": [0, -1]},
+        [((1, 2), TOP, (0, -0.5)), ((2, 2), TOP, (0, -0.5))],
+    ),
+    ({"region": OVER_TWO, "force": [0, -1]}, [((i, 2), TOP, (0, -0.5)) for i in (1, 2)]),
+    ({"region": OVER_PARTS, "force": [0, -3]}, [((i, 2), TOP, (0, -i)) for i in (1, 2)]),
+    ({"region": OVER_PARTS, "pressure": 100.0}, [((i, 2), TOP, (0, -2.5 * i)) for i in (1, 2)]),
+    ({"region": WITHIN, "force": [1, 0]}, [((i, 1), MIDDLE, (0.5, 0)) for i in (1, 2)]),
+    # 0.1 m x 0.5 m x 100 Pa
+    ({"side": "left", "pressure": 100.0}, [((0, j), LEFT, (5.0, 0)) for j in range(3)]),
+])  # fmt: skip
 def test_which_faces_and_cells_share_a_load(load, expected):
     assert rows(plate(load).applied()) == expected
 

@@ -260,8 +260,7 @@ def test_a_step_of_ones_own_gives_the_same_loads(step):
     assert sorted(own.cells.tolist()) == sorted(usual.cells.tolist())
 
 
-def test_a_step_in_which_nobody_acts_is_told():
-    idle = steps(lambda self: None)
-    assert "max_generations" in idle(scene(), max_generations=9).run().last.outcome
+@pytest.mark.parametrize("engine", ["agents", "arrays"])
+def test_a_step_in_which_nobody_acts_is_told(engine):
     with pytest.raises(KajuError, match=r"super\(\)\.step\(\)"):
-        idle(scene(), engine="arrays").run()
+        steps(lambda self: None)(scene(), engine=engine).run(until=1)

@@ -8,6 +8,7 @@ from transfer_answers import ENGINES
 from kaju import ElasticRule, FreeBoundaryAgent, LoadModel, MaterialAgent, PrescribedRule, Shares
 from kaju.agents.shares import Load
 from kaju.errors import AgentError, ParameterError
+from kaju.view.plots import plot
 
 
 def column(force=-1.0, cells=6, threshold=0.05, alpha=(0.5, 0.8, 0.0), **rule):
@@ -36,8 +37,9 @@ def test_of_own_agents_nothing_is_known_and_growth_is_watched():
 
 
 def test_a_class_is_given_and_not_an_agent():
-    with pytest.raises(AgentError, match="without brackets: Growing"):
-        LoadModel(column(), material_agent=Growing())
+    for given in ((), (LoadModel(column()),)):
+        with pytest.raises(AgentError, match="without brackets: Growing"):
+            LoadModel(column(), material_agent=Growing(*given))
     with pytest.raises(ParameterError, match="a boundary goes into boundary_agents="):
         LoadModel(column(), material_agent=Felt)
     with pytest.raises(ParameterError, match="goes into material_agent="):
@@ -60,10 +62,12 @@ def test_a_boundary_that_absorbs(accumulate):
     model = LoadModel(scene, boundary_agents={"free": Felt})
     result = model.run()
     stage = result.last
-    assert result.summary()["load_absorbed"] == stage.ledger.absorbed > 0.0
+    assert model.figures()["load_absorbed"] == stage.ledger.absorbed > 0.0
     assert stage.ledger.imbalance < 1e-12
     felt = [agent for agent in model.agents if isinstance(agent, Felt)]
     assert stage.ledger.absorbed == pytest.approx(sum(agent.kept for agent in felt))
+    entries = plot(result).axes[0].get_legend().get_texts()
+    assert "Felt: free boundary agent of your own" in [entry.get_text() for entry in entries]
     for agent in felt:
         assert sum(agent.taken.values()) == pytest.approx(agent.returned + agent.kept)
     assert not model.certificate.known

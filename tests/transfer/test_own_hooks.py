@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from exact_creep import exactly_crept
 from plates import loaded
+from plates import plate as pressed
 from strategies import EXAMPLES
 
-from kaju import Cubes, ThreeElement
+from kaju import Cubes, LoadModel, ThreeElement, load_result
 from kaju.errors import SceneError
 
 HOOKS = sorted(path.stem for path in (EXAMPLES / "own_agents").glob("*.py"))
@@ -39,6 +40,14 @@ def test_a_tenth_less_from_cell_to_cell():
     # 2 N * (1 - loss)^n falls to 0.1 N or below after n cells.
     for loss, cells in ((0.3, 9), (0.5, 5)):
         assert reaches(loss) == cells == 1 + int(np.log(20.0) / -np.log(1.0 - loss))
+
+
+def test_a_seed_is_kept_with_what_was_drawn_from_it(tmp_path):
+    own, scene = example("own_agents/random_shares.py")["Fickle"], pressed([6, 6], [3, 5])
+    first = load_result(LoadModel(scene, material_agent=own).run().save(tmp_path / "first.npz"))
+    again = LoadModel(scene, material_agent=own, rng=first.summary()["seed"]).run()
+    np.testing.assert_array_equal(again.states["left"].values(), first.states["left"].values())
+    assert "seed" not in LoadModel(scene, rng=3).run().summary()
 
 
 def test_an_order_changes_who_acts_when_and_not_how_much_in_all():

@@ -136,7 +136,7 @@ def test_a_giant_body_is_cropped_to_its_agents_and_says_so():
 
 
 def test_an_unknown_picture_is_refused_with_a_suggestion():
-    with pytest.raises(ParameterError, match=r"'agent' of a TransferResult .did you mean 'agents'"):
+    with pytest.raises(ParameterError, match=r"'agent' of TransferResult .did you mean 'agents'"):
         plot(plate(), "agent")
     with pytest.raises(ParameterError, match="there is scene"):
         plot(plate().scene, "agents")

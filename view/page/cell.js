@@ -255,7 +255,7 @@ export function tellStory(page, element) {
   if (k < 0) { element.replaceChildren(paragraph(t(page.touchable && !page.lesson ? "begin" : "pick"))); return; }
   const kind = run.kinds[k], { materials } = run.scene, head = t("cellOf", { c: `(${L.cell(k).join(", ")})` }) + (kind >= 0 && materials.length > 1 ? `, ${materials[kind].name}` : "");
   if (kind < 0) {
-    element.replaceChildren(make("b", { textContent: head }), paragraph(t(kind === AIR ? "isAir" : kind === RIGID ? "isRigid" : "isRoller")));
+    element.replaceChildren(make("b", { textContent: head }), paragraph(run.walls?.[kind] ? t("ownWall", { n: run.walls[kind] }) : t(kind === AIR ? "isAir" : kind === RIGID ? "isRigid" : "isRoller")));
     return;
   }
   const story = storyOf(page, k);

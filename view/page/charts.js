@@ -8,6 +8,7 @@ export function curvesOf(run) {
   const { offset, value } = run.taken, largest = Array.from({ length: run.generation }, (_, g) => value.subarray(offset[g], offset[g + 1]).reduce((top, load) => Math.max(top, load), 0));
   const summed = (list) => { let sum = 0; return Array.from(list, (load) => (sum += load)); }, ended = summed(run.ends ?? []), taken = summed(run.waits);
   const curves = [["agents", "", [run.alive], []], ["onTheWay", "N", [run.waits], []], ["largest", "N", [largest], []]];
+  if (run.absorbed) curves.push(["absorbedInAll", "N", [run.absorbed], []]);
   return [...curves, [run.ends ? "ledger" : "takenInAll", "N", ended.length ? [taken, ended] : [taken], ["takenInAll", "endedInAll"]]];
 }
 

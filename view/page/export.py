@@ -32,6 +32,7 @@ from kaju.model.stepped_model import SteppedModel
 from kaju.model.study.solving import solve
 from kaju.model.transfer.load_model import LoadModel
 from kaju.model.transfer.stability import stability
+from kaju.model.transfer.transfer import BOUNDARY_NAMES
 from kaju.model.transfer.transfer_result import TransferResult
 
 from . import python as written
@@ -202,6 +203,8 @@ def packed_page(
     header |= {"scene": data, "kind": "runnable"}
     if isinstance(shown, TransferResult) and (own or not _by_the_rule(shown)):
         last, certificate = shown.last, shown.certificate
+        if own and shown.seed is not None:
+            own["own"]["parameters"].append({"label": "seed (rng=)", "value": shown.seed})
         stable, verdict = bool(certificate.stable), certificate.verdict
         if not certificate.known and last.outcome:  # nobody knew before the run; now it is known
             stable = last.outcome.startswith("at rest")
@@ -212,6 +215,8 @@ def packed_page(
             "stable": stable or (False if certificate.known else None),
             "verdict": verdict,
             "late": account is None,
+            "walls": {k: shown.own_boundaries.get(n, "") for k, n in BOUNDARY_NAMES.items()},
+            "absorbed": account.absorbed if account and last.ledger.absorbed else None,
             "states": [[s.name, s.meaning, isinstance(s.default, bool)] for s in last.states],
         }
         history = history_columns(scene, last, account)
@@ -276,7 +281,8 @@ def _watched(model: LoadModel) -> tuple[TransferResult, Account]:
         if model.generation == 1:  # a stage of loading has begun
             account = Account(model.scene)
         if model.generation:
-            account.note(model.generation, model.engine.totals(), model.engine.returned)
+            engine = model.engine
+            account.note(model.generation, engine.totals(), engine.returned, engine.absorbed)
         return False
 
     result = model.run(until=note)

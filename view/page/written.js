@@ -8,7 +8,7 @@ export class Written extends Recorded {
   /** What Python is told of the scene. */
   told(parameters) {
     const { lattice: L, kinds, scene: { rule, materials, thickness } } = this, normal = (n) => L.normals[L.axes[n]], shares = materials.map((m) => sharesOf(rule, m, L.dimension));
-    return { lattice: { directions: L.D, forms: L.hexagon ? 2 : 1, opposite: L.opposite, mirrored: L.mirrored, shape: L.shape, dimension: L.dimension, cell_size: L.h, stride: L.stride,
+    return { lattice: { directions: L.D, direction_names: L.names.map((name) => name.replace("−", "-")), forms: L.hexagon ? 2 : 1, opposite: L.opposite, mirrored: L.mirrored, shape: L.shape, dimension: L.dimension, cell_size: L.h, stride: L.stride,
       steps: L.coordinateSteps.slice(0, L.hexagon ? 2 : 1), arms: Array(L.hexagon ? 2 : 1).fill(Array.from({ length: L.D }, (_, arm) => arm)), beside: L.beside.map((list) => list.toSorted((a, b) => a[0] - b[0])),
       axis_of: Array.from({ length: L.D }, (_, d) => L.axes.findIndex((arm) => arm === d || L.opposite[arm] === d)), along: this.along = L.axes.map((_, a) => L.axes.map((_, n) => dot(normal(n), normal(a)) ** 2)) },
     threshold: rule.threshold, accumulate: rule.accumulate, sense: Boolean(rule.sense), cross_section: L.faceArea(thickness), kinds: Array.from(kinds), parameters, seed: SEED,

@@ -19,7 +19,7 @@ from kaju.errors import needing
 
 with needing(
     "kaju's compiled loops need numba: pip install numba. Python in a browser does not have it: "
-    "there growth and bodies of more than 50,000 cells cannot be computed"
+    "there growth and bodies of more than 10,000 cells cannot be computed"
 ):
     import numba
     from numba import types

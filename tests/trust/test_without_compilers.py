@@ -45,6 +45,6 @@ def test_agents_answers_pictures_and_pages_need_no_compiler():
     )
     assert done.returncode == 0, done.stderr
     growth, large, sweep = done.stdout.splitlines()
-    assert "growth and bodies of more than 50,000 cells" in growth
+    assert "growth and bodies of more than 10,000 cells" in growth
     assert growth == large
     assert sweep.startswith("sweep: joblib")

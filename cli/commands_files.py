@@ -23,16 +23,19 @@ Language = StrEnum("Language", "en de ja")
 
 
 def check(scene: SceneFile, settings: Settings = None, as_json: Json = False) -> None:
-    """Say whether the loads of a scene will end; exit code 1 if not.
+    """Find mistakes in a scene; with a [rule], say whether its loads will end (exit code 1: no).
 
-    Scenes with true outlines are solved roughly, those with the elastic rule on their cells.
+    Scenes without one, or with the elastic one, are solved: within true outlines roughly, others on
+    their cells.
     """
     console = Console(as_json)
     with scene_of(scene, settings) as described:
         notes = described.notes
         console.say(*(f"note: {note}" for note in notes))
         told: dict[str, Any] = {"stable": True}
-        if described.outlined or described.rule.kind == "elastic":  # no loads that could grow
+        given = "rule" in described.model_fields_set and described.rule.kind != "elastic"
+        of_agents = given or described.body.allow_floating or not described.lattice.boxes
+        if described.outlined or not of_agents:
             farthest, further = _begin(described)
             notes = (*described.notes_on(farthest), *further)
             console.say(*(f"note: {note}" for note in notes[len(described.notes) :]))
@@ -68,7 +71,7 @@ def _begin(scene: Any) -> tuple[float, list[str]]:
     """Do what an answer begins with; return the largest displacement (m), 0 of waves, and notes."""
     from kaju.model.study.solving import solve
 
-    if not scene.outlined and scene.rule.order == "wave":  # waves may grow
+    if getattr(scene.rule, "order", "") == "wave" and not scene.outlined:  # waves may grow
         from kaju.model.elastic.relaxation.elastic_model import ElasticModel
 
         ElasticModel(scene)
@@ -76,27 +79,20 @@ def _begin(scene: Any) -> tuple[float, list[str]]:
     rough = 0.9 if scene.outlined and scene.lattice.dimension == 2 else None
     answer = solve(scene, rough)
     return answer.max_displacement, [
-        n for n in answer.caveats if n.startswith("no limit of stress")
+        n for n in answer.caveats if n.startswith(("no limit of stress", "rigid holes"))
     ]
 
 
 def materials() -> None:
     """List the materials that scenes can use by name."""
-    from rich.console import Console
-    from rich.table import Table
-
     from kaju.agents.materials import LIBRARY
 
-    table = Table("name", "E (Pa)", "ν", "density (kg/m³)", "source")
-    for material in LIBRARY.values():
-        table.add_row(
-            material.name,
-            f"{material.youngs_modulus:.4g}",
-            f"{material.poissons_ratio:.3g}",
-            "" if material.density is None else f"{material.density:.4g}",
-            material.source,
-        )
-    Console().print(table)
+    row = "{:12} {:>10} {:>6} {:>16}  {}".format
+    typer.echo(row("name", "E (Pa)", "ν", "density (kg/m³)", "source"))
+    for one in LIBRARY.values():
+        density = "" if one.density is None else f"{one.density:.4g}"
+        ratio = f"{one.poissons_ratio:.3g}"
+        typer.echo(row(one.name, f"{one.youngs_modulus:.4g}", ratio, density, one.source))
 
 
 def new(

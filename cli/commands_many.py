@@ -190,12 +190,14 @@ def sweep(
         raise typer.Exit(130) from None
     failed = table[table["error"] != ""]
     typer.echo(f"{len(table)} runs, {len(failed)} failed")
-    typer.echo(table.head(20).to_string(index=False, max_colwidth=60))
+    # Of many columns those that say how runs differ.
+    shown = table if measure or len(table) < 2 else table.loc[:, table.nunique(dropna=False) > 1]
+    typer.echo(shown.head(20).to_string(index=False, max_colwidth=60))
     if len(table) > 20:
         typer.echo(f"... and {len(table) - 20} more")
     if len(failed):
         typer.echo(f"run {failed['run'].iloc[0]} failed: {failed['error'].iloc[0]}")
-    typer.echo(target / "table.csv")
+    typer.echo(f"all {table.shape[1]} columns: {target / 'table.csv'}")
     if len(failed) == len(table):
         raise typer.Exit(1)
 

@@ -173,15 +173,16 @@ def solve(
     tolerance: Annotated[
         float | None,
         options.share(
-            "Largest error allowed, 0.01 or 1%: of the goal (0.01 unless given), else a share in "
-            "the energy norm."
+            "Largest error allowed, 0.01 or 1%: of the goal, else a share in the energy norm. With "
+            "a goal, and within true outlines, 0.01 unless given."
         ),
     ] = None,
     goal: options.Goal = None,
 ) -> Any:
     """Solve a scene as linear elasticity, whatever its rule.
 
-    Writes summary.json, result.npz and a picture; without a tolerance solves the scene's cells.
+    Writes summary.json, result.npz and a picture. Without a tolerance solves the scene's cells, but
+    within true outlines agents spawn.
     """
     from kaju.model.study.solving import solve as solve_scene
 

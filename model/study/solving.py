@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-from kaju.errors import OutOfMemoryError, ParameterError, brief, by_name
+from kaju.errors import OutOfMemoryError, ParameterError, SupportError, brief, by_name
 from kaju.model.elastic.arguments import SMALLEST, check_numbers
 from kaju.model.results.archive import question_of
 from kaju.model.scene import Scene
@@ -42,7 +42,7 @@ def solve(
     tolerance : float, optional
         Agents spawn until the relative error is below it, in the energy norm or of the `goal`.
         Without one the cells of the scene are solved, or `resolution` times as many along every
-        axis.
+        axis; within true outlines in the plane it is 0.01.
     resolution : int, optional
         Into how many cells each cell of the scene is split, along every axis; round shapes become
         rounder. With a tolerance, no agent is smaller than these cells.
@@ -104,6 +104,11 @@ def solve(
         return interruptible(lambda: solver(asked, given))
     except OutOfMemoryError:
         raise
+    except SupportError as error:
+        if not asked.body.allow_floating:
+            raise
+        told = "body.allow_floating is for agents that pass loads on by a rule (kaju run) alone"
+        raise SupportError(f"{error}; {told}") from None
     except MemoryError as error:
         raise OutOfMemoryError(
             f"solve: {str(error) or 'memory ran out'}; take a smaller resolution, or a larger "

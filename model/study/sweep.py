@@ -88,7 +88,7 @@ def sweep(
     measure : str, sequence of str or callable, optional
         Figures of the result's summary or attributes (``"last.ledger.taken"``,
         ``"reaction.bottom.1"``), or a function of the result that returns a number, or several by
-        name. None: all single figures of the summary.
+        name. None: all figures of the summary, those of lists and tables by such names.
     samples : int, optional
         Number of points, for the methods that draw them.
     method : {"grid", "list", "sobol", "lhs"}
@@ -433,18 +433,29 @@ def _table(result: Any) -> Mapping[str, Any]:
 
 
 def _everything(result: Any) -> Row:
-    """Return all single figures of a result that are the same at every repetition."""
+    """Return all figures of a result that are the same at every repetition."""
     if _is_figure(plain(result)):
         return {"value": plain(result)}
-    figures = {key: plain(value) for key, value in _table(result).items()}
-    chance = ("seconds", "kaju_version")  # they say nothing about the point
-    figures = {k: value for k, value in figures.items() if k not in chance and _is_figure(value)}
+    others = ("seconds", "kaju_version", "notes")  # times say nothing about the point
+    table = _table(result).items()
+    figures = dict(each for key, value in table if key not in others for each in _flat(key, value))
     if not figures:
         raise ParameterError(
             f"measure: a {type(result).__name__} has no figures of its own; "
             "say what to measure by a function of it"
         )
     return figures
+
+
+def _flat(name: str, value: Any) -> Iterator[tuple[str, Any]]:
+    """Yield the figures of a value by names such as ``reaction.bottom.1``."""
+    value = plain(value)
+    if _is_figure(value):
+        yield name, value
+    elif isinstance(value, (Mapping, Sequence)):
+        parts = value.items() if isinstance(value, Mapping) else enumerate(value)
+        for part, inner in parts:
+            yield from _flat(f"{name}.{part}", inner)
 
 
 def _found(result: Any, table: Mapping[str, Any], name: str) -> Any:
@@ -459,7 +470,7 @@ def _found(result: Any, table: Mapping[str, Any], name: str) -> Any:
             else:
                 found = getattr(found, key)
         except (KeyError, IndexError, TypeError, AttributeError):
-            known = [key for key, value in table.items() if _is_figure(plain(value))]
+            known = [part for key, value in table.items() for part, _ in _flat(key, value)]
             near = errors.suggestion(name, known)
             told = f"measure: the result has no {name!r}{near}; its summary has {', '.join(known)}"
             raise ParameterError(told) from None

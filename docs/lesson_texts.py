@@ -6,9 +6,10 @@ preset changes, and ``toml questions`` what kind of question each one of the wor
 answers there are expressions of `lesson_measures`, worked out when they are asked for: no
 language tells a number that another does not.
 
-In a worksheet a question begins in bold, ``- label: ___ unit`` is a field to fill in, a last
-point without a blank says what to write in words, and ``*Hint:*`` is a hint. What stands in
-``<!-- -->`` behind a sentence holds it: `lesson_measures.py`.
+What stands before the answers for the teacher is the plan of the lesson. In a worksheet a question
+begins in bold, ``- label: ___ unit`` is a field to fill in, a last point without a blank says what
+to write in words, and ``*Hint:*`` is a hint. What stands in ``<!-- -->`` behind a sentence holds
+it: `lesson_measures.py`.
 """
 
 from __future__ import annotations
@@ -58,7 +59,8 @@ class Question:
 class Text:
     """A lesson in one language.
 
-    `sections` are its texts by the English heading, `presets` names and notes, the start first.
+    `sections` are its texts by the English heading, `presets` names and notes, the start first;
+    `plan` is how to hold it.
     """
 
     language: str
@@ -67,6 +69,7 @@ class Text:
     sections: dict[str, str]
     presets: tuple[tuple[str, str], ...]
     questions: tuple[Question, ...]
+    plan: str
     answers: tuple[str, ...]
 
     def words(self, *headings: str) -> str:
@@ -146,6 +149,7 @@ def _text(source: str, language: str) -> Text:
         sections=sections,
         presets=tuple(presets),
         questions=tuple(_question(item) for item in items(sections["Worksheet (45 minutes)"])),
+        plan=plain(re.split(r"^1\. ", sections["For the teacher"], flags=re.M)[0]),
         answers=tuple(plain(item) for item in items(sections["For the teacher"])),
     )
 

@@ -14,13 +14,14 @@ import re
 from base64 import b64encode
 from dataclasses import replace
 from io import BytesIO
+from math import ceil, floor, log10
 from pathlib import Path
 from typing import Any
 
 import lesson_runs
 import numpy as np
 from lesson_measures import answers
-from lesson_texts import HEADINGS, ORDER, Lesson, Question, lesson, plain
+from lesson_texts import HEADINGS, ORDER, Lesson, Question, Text, lesson, plain
 from matplotlib.figure import Figure
 
 from kaju import FractureModel, GrowthModel, export_page, load_scene, plot
@@ -46,6 +47,7 @@ def page_lesson(of: Lesson) -> dict[str, Any]:
         "index": "index.html",
         "intro": {k: plain(text.sections["What is it?"]) for k, text in of.texts.items()},
         "curves": of.curves or None,
+        "minutes": 45,
         "presets": [
             {
                 "name": {k: text.presets[n][0] for k, text in of.texts.items()},
@@ -53,12 +55,14 @@ def page_lesson(of: Lesson) -> dict[str, Any]:
             }
             for n in range(len(of.scenes))
         ],
-        "teacher": {
-            k: "\n".join(f"- **{name}**: {' '.join(note.split())}" for name, note in text.presets)
-            for k, text in of.texts.items()
-        },
+        "teacher": {k: f"{text.plan}\n\n{_notes(text)}" for k, text in of.texts.items()},
         "questions": [_page_question(of, n) for n in range(len(of.kinds))],
     }
+
+
+def _notes(text: Text) -> str:
+    """Return what each preset of a lesson is for, as a list."""
+    return "\n".join(f"- **{name}**: {' '.join(note.split())}" for name, note in text.presets)
 
 
 def _page_question(of: Lesson, number: int) -> dict[str, Any]:
@@ -96,10 +100,14 @@ def _page_field(
     label, unit = ({k: q.fields[number][part] for k, q in asked.items()} for part in (0, 1))
     if len(set(unit.values())) > 1:
         label = {k: f"{label[k]} ({unit[k]})" for k in label}
+    key = accepted(value, tolerance)
     return {
         "label": label,
         "unit": unit["en"] if len(set(unit.values())) == 1 else "",
         "read_in": unit,
+        "key": {
+            k: f"{key.replace('.', ',') if k == 'de' else key} {unit[k]}".strip() for k in unit
+        },
         "answer": round(value, 6),
         "tolerance": tolerance,
     }
@@ -115,6 +123,16 @@ def tolerance(kind: dict[str, Any], field: int, value: float) -> float:
         return 0.0
     rounded = abs(float(f"{value:.2g}") - value) + 1e-6
     return 5e-4 if kind.get("exact") else max(float(f"{0.01 * abs(value):.2g}"), rounded)
+
+
+def accepted(value: float, tolerance: float) -> str:
+    """Return an answer as short as it may be given, and between which numbers it is right."""
+    short = next(r for n in range(9) if abs((r := round(value, n)) - value) <= tolerance + 1e-9)
+    if tolerance <= 0.004 * abs(value):
+        return f"{short:g}"
+    step = 10.0 ** floor(log10(tolerance))
+    low, high = ceil((value - tolerance) / step), floor((value + tolerance) / step)
+    return f"{short:g} ({low * step:g} – {high * step:g})"
 
 
 def make_lesson(of: Lesson, folder: Path) -> list[Path]:
@@ -136,7 +154,8 @@ def make_lesson(of: Lesson, folder: Path) -> list[Path]:
     for name in lesson_runs.PAGES[of.name]:
         target = folder / f"{'-'.join(filter(None, (of.name, name)))}.html"
         if name:
-            title = {k: f"{text.calls(target.name)} · {text.title}" for k, text in of.texts.items()}
+            calls = {k: text.calls(target.name) for k, text in of.texts.items()}
+            title = {k: f"{c[0].upper()}{c[1:]} · {of.texts[k].title}" for k, c in calls.items()}
             told["opens"] = asked_for(of, target.name)
         run = lesson_runs.run(of.name, name)
         made.append(export_page(run, target, title=title, text=words, lesson=told))

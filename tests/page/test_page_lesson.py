@@ -73,10 +73,15 @@ def test_a_lesson_opens_at_rest_and_hides_what_answers_it(opened, lesson):
     assert page.text(".count") == "Generation 0"
     assert page.tab.locator(".verdict").count() == 0
     assert page.js("(page.seek(7), page.g)") == 0
+    page.click((10, 19))
+    page.press("Play")
+    assert page.text(".saved").startswith("Still open: Generation 2 · Generation 3 – press again")
+    assert page.js("[page.playing, (page.seek(1), page.g), page.lesson.forget()]") == [0, 1, None]
     tick_guess(page)
     assert page.js("(page.seek(7), page.g)") == 3
     page.tab.locator("summary", has_text="Teacher").click()
     page.tab.get_by_role("switch", name="Teacher").check()
+    assert page.tab.get_by_text("Let them guess first.").is_visible()
     assert page.tab.get_by_text("Nine cells.").is_visible()
     assert page.js("(page.seek(Infinity), page.g)") == 8
 
@@ -132,7 +137,6 @@ def test_lessons_are_open_to_everybody(opened, lesson, dark):
         page.check_open_to_everybody(1280)
 
 
-WINDOWS = [(390, 844), (768, 1024), (880, 720), (1280, 800), (1920, 1080)]
 BESIDE = """[...page.root.querySelectorAll(
   'button, select, label, h1, h2, summary, .verdict, td, .card, .count, .bar > *')]
   .filter((e) => e.clientWidth && !e.closest('.tries') && getComputedStyle(e).overflow !== 'hidden'
@@ -145,7 +149,7 @@ BESIDE = """[...page.root.querySelectorAll(
 )
 def test_nothing_is_cut_in_any_window(opened, lesson, language):
     page = opened(lesson, language=language)
-    for width, height in WINDOWS:
+    for width, height in [(390, 844), (768, 1024), (880, 720), (1280, 800), (1920, 1080)]:
         page.tab.set_viewport_size({"width": width, "height": height})
         for step in range(4):
             page.js(f"(page.lesson.open({step}), page.draw())")

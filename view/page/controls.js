@@ -72,7 +72,7 @@ export function numberField({ label, value, min, max, unit = "", log = false, st
     const prefix = unit && unit !== "°" && value ? prefixOf(Math.abs(value), unit)[1] : "", v = numberOf(field.value, unit, prefix + unit);   // beside "10 mN", 4.5 is 4.5 mN
     if (field.value === written(value)) { put(value); return; }
     if (v >= min && v <= max) { put(v); change(v); return; }
-    error.textContent = Number.isNaN(v) ? t("noNumber") : t("outOfRange", { a: written(min), b: written(max) });
+    error.textContent = Number.isNaN(v) ? t("noNumber") : t("outOfRange", { x: written(v), a: written(min), b: written(max) });
     error.hidden = false; field.ariaInvalid = "true";
   };
   field.onkeydown = (event) => {

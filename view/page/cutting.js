@@ -1,9 +1,9 @@
 // Equilibrium at a glance: the force through every cut, rule beside elasticity; the part beyond a cut
 // as a free body; and where the force of the loads has gone.
-import { askElastic, bothOf, cutsOf, fieldsOf, loadAxis } from "./twin.js";
+import { agentsOf, askElastic, bothOf, cutsOf, fieldsOf, loadAxis } from "./twin.js";
 import { ticksOf } from "./charts.js";
 import { button, draw, make, MODES } from "./controls.js";
-import { FONT, paintNumbers, paintWord } from "./paint.js";
+import { FONT, paintLegend, paintNumbers, paintWord } from "./paint.js";
 import { hand } from "./scene.js";
 import { general, local, prefixOf, quantity } from "./words.js";
 
@@ -110,13 +110,13 @@ const addCut = (page, at) => { const cuts = placed(page); cuts.chosen = cuts.row
 
 MODES.push({
   name: "cuts", letter: "c",
-  offered: (page) => page.deformable && page.scene?.lattice.kind === "square" && page.run.taken && page.limit > 0,
+  offered: (page) => page.solvable && page.deformable && page.run.taken && page.limit > 0,
   open(page) {
     page.cutCards = ["section", "section", "details"].map((tag) => make(tag, { className: "card" }));   // one sum of forces at a time: that of the cut
     page.cutCards[1].classList.add("warn");
-    if (page.solvable) askElastic(page);
+    askElastic(page);
   },
-  changed(page) { if (page.solvable) askElastic(page); },
+  changed: askElastic,
   tools(page) {
     const { t } = page, add = () => addCut(page, page.run.lattice.shape[loadAxis(page.scene).axis] >> 1);
     return page.lesson ? [] : [make("span", { className: "push" }), button(t("addCut"), add), button("CSV", () => page.announce(t("saved", { name: hand("cuts.csv", new Blob([csvOfCuts(page)], { type: "text/csv" })) })))];
@@ -124,13 +124,14 @@ MODES.push({
   cards: (page) => page.cutCards ?? [],
   draw(page) {
     const { canvas: { clientWidth: w, clientHeight: h }, t } = page, upright = loadAxis(page.scene).axis === 1, cuts = balanceOf(page), side = upright ? Math.min(0.44 * w, 300) : Math.min(0.34 * h, 200);
-    const { rule, scale, small } = bothOf(page, "along");
-    const top = upright && w < 520 ? 34 : 0, [nx, ny] = page.run.lattice.shape, across = w - (upright ? side + 20 : 0);   // on a phone words stand above the body
+    const both = bothOf(page, "along");
+    const top = upright && w < 520 ? 34 : 0, legend = upright && !top, [nx, ny] = page.run.lattice.shape, across = w - (upright ? side + 20 : 0);   // on a phone words stand above the body
     const n = top ? Math.min(nx, Math.max(5, Math.floor((across - 72) * ny / Math.max(60, h - top - 92)))) : nx, from = Math.max(0, Math.min(nx - n, page.scene.loads[0].cell[0] - (n >> 1)));   // and only columns at the load, so that rows are as high as they can be
-    page.drawBody({ x: upright ? 20 : 0, y: top, w: across, h: h - (upright ? top : side), window: [from, 0, n, ny] }, rule.map((v) => (v > small ? v : NaN)), scale);
+    page.drawBody({ x: upright ? 20 : 0, y: top, w: across, h: h - (upright ? top : side), window: [from, 0, n, ny], foot: legend ? 64 : 20 }, agentsOf(page, both), both.scale);
     const { view, view: { ctx } } = page;
     if (n < nx) { ctx.clearRect(0, 0, view.left, h); ctx.clearRect(view.right, view.y0 - view.u * ny, w, h); }
     paintNumbers(view, page.inks);
+    if (legend) paintLegend({ ctx, w: across, h }, both.scale, t("along"), t("log"), (v) => quantity(v, "N"), page.inks);
     if (cuts.length) paintBars(page, view, cuts, upright ? { x: w - side + 20, w: side - 48, y: 0, h } : { x: 0, w, y: h - side + 24, h: side - 44 }, upright);
     const kept = cuts.every(({ carried, needed }) => Number.isNaN(needed) || Math.abs(carried - needed) <= 1e-9 * Math.abs(needed));
     const [cut, say, where] = page.cutCards, { rows, chosen } = placed(page), read = cuts.find(({ at }) => at === rows[chosen]);

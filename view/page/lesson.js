@@ -1,6 +1,6 @@
 // A lesson in the page: predict, step, explain, try. Questions are asked one by one; what is typed
 // and ticked is kept on this computer; the page shows no further than the question has got.
-import { button, draw, icon, inline, make, MODES, numberOf, rendered, segments, tick } from "./controls.js";
+import { button, draw, icon, inline, labelled, make, MODES, numberOf, rendered, segments, tick } from "./controls.js";
 import { paintCells, paintNumbers, paintPick, View } from "./paint.js";
 import { cardsBox, panelsOf, rulePanel, storyCard, tabList } from "./panels.js";
 import { Twin } from "./rule.js";
@@ -10,8 +10,8 @@ export const STEPS = ["predict", "step", "explain", "try"];
 const MOST_LETTERS = 2000, SMALL = 4;              // of an answer; so many generations have a small picture
 
 export class Lesson {
-  constructor(page, { key, index, intro, opens, curves, questions, teacher, presets }) {
-    Object.assign(this, { page, key, intro, minutes: (questions ?? []).reduce((sum, q) => sum + (q.minutes ?? 0), 0), index, opens, curves, was: opens ?? 0, notes: teacher, questions: questions ?? [], answers: {}, guesses: {}, firsts: {}, done: [], at: -1, step: "predict", teacher: false, shown: "guess", pen: 1 });
+  constructor(page, { key, index, intro, opens, curves, minutes, questions, teacher, presets }) {
+    Object.assign(this, { page, key, intro, minutes, index, opens, curves, was: opens ?? 0, notes: teacher, questions: questions ?? [], answers: {}, guesses: {}, firsts: {}, done: [], at: -1, step: "predict", teacher: page.asked.has("teacher"), shown: "guess", pen: 1 });
     this.several = page.presets.length > 1 || /\.html\)/.test(JSON.stringify(this.questions));   // bodies, each with colours of its own
     (presets ?? []).forEach((names, n) => { if (page.presets[n]) Object.assign(page.presets[n], { ...names, word: "" }); });
     this.read();
@@ -44,8 +44,11 @@ export class Lesson {
     return [...(q.fields ?? []).map(({ label }) => page.say(label)), ...words].filter((_, i) => !given[i]?.trim());
   }
   answered(q) { return !this.missing(q).length; }
-  /** Whether a guess has been made: all of it, but of cells one is enough. */
-  guessed(q) { return q.kind === "cells" ? Object.keys(this.guesses[q.key] ?? {}).length > 0 : this.answered(q); }
+  /** Whether a guess has been made; of cells a part is enough for who was told what is open, or has seen what happened. */
+  guessed(q) { return this.answered(q) || (q.kind === "cells" && this.begun(q) && (this.asked === q || q.key in this.firsts)); }
+  begun(q) { return Object.keys(this.guesses[q.key] ?? {}).length > 0; }
+  /** Whether a guess in words or numbers stays as it is: more has been seen since. */
+  get fixed() { const { question: q, done, teacher } = this; return !teacher && q.step === "predict" && q.kind !== "cells" && done.includes("predict"); }
   /** The last generation that is open: none before a guess, then the question's, all where it is answered. */
   get limit() { const { question: q } = this; return this.teacher || q?.until === undefined || (q.kind !== "cells" && this.answered(q)) ? Infinity : q.kind === "cells" && !this.guessed(q) ? 0 : q.until; }
   /** Whether a guess is still to be made: what would give it away is not shown. */
@@ -62,19 +65,20 @@ export class Lesson {
   /** Open a step that a reader asks for: who has not guessed yet guesses first. */
   enter(n) {
     const open = this.of("predict").find((q) => !this.guessed(q));
-    if (n && open && !this.teacher) { this.go(this.questions.indexOf(open)); this.ask(); } else this.open(n);
+    if (n && open && !this.teacher) { this.go(this.questions.indexOf(open)); this.ask(); return; }
+    this.finish(); this.open(n);
   }
   /** Say what is still to be answered, beside the field that waits. */
-  ask(word = "answerFirst") {
+  ask(word = this.begun(this.question) ? "stillOpen" : "answerFirst") {
     const { page, saved, question: q } = this, fields = [...page.root.querySelectorAll("aside .question ~ textarea, aside .question ~ .fields .field")];
+    if (word === "stillOpen") this.asked = q;
     Object.assign(saved, { textContent: page.t(word === "answerFirst" && mayDraw(q) ? "drawOrSay" : word, { x: this.missing(q).join(" · ") }), className: "saved bad" }).scrollIntoView({ block: "nearest" });
     if (q.kind !== "cells") fields.find(({ value }) => !value.trim())?.focus({ preventScroll: true });
   }
   /** On from a question; who has left something open hears of it first. */
   leave(go) {
     const { question: q, teacher } = this;
-    if (!q || teacher || this.asked === q || this.answered(q) || (q.step === "predict" && !this.guessed(q))) { go(); return; }
-    this.asked = q; this.ask("stillOpen");
+    if (!q || teacher || this.asked === q || this.answered(q) || (q.step === "predict" && !this.guessed(q))) go(); else this.ask("stillOpen");
   }
   go(at, quiet = false) {
     const { page } = this;
@@ -94,13 +98,9 @@ export class Lesson {
   get next() {
     const own = this.of(this.step), more = this.question && own[own.indexOf(this.question) + 1], step = STEPS.indexOf(this.step) + 1, last = step === STEPS.length;
     if (more) return { word: "nextQuestion", go: () => this.go(this.questions.indexOf(more)) };
-    return last && !this.index ? null : { step, word: last ? "lessons" : "nextStep", go: () => { this.finish(); if (last) location.href = this.index; else this.enter(step); } };
+    return last && !this.index ? null : { step, word: last ? "lessons" : "nextStep", go: () => { if (!last) { this.enter(step); return; } this.finish(); location.href = this.index; } };
   }
-  get back() {
-    const own = this.of(this.step), n = own.indexOf(this.question), step = STEPS.indexOf(this.step) - 1;
-    if (n > 0) return () => this.go(this.questions.indexOf(own[n - 1]));
-    return step >= 0 ? () => this.open(step) : null;
-  }
+  get back() { return this.at > 0 ? () => this.go(this.at - 1) : null; }
   /** Whether a question is done: whole, and its numbers are right. */
   isDone(q) { return this.answered(q) && (q.kind !== "number" || q.step === "predict" || q.fields.every((field, i) => isRight(field, numberIn(this.answers[q.key][i], this.page.say(field.unit) ?? "")))); }
   finish() {
@@ -133,7 +133,7 @@ export class Lesson {
     return [low[0], low[1], high[0] - low[0], high[1] - low[1]];
   }
   /** On a phone the part of the body where something happens, as large as it goes. */
-  part() { const { page: { canvas, run: { lattice: L } } } = this; return canvas.clientWidth < 520 && L.dimension === 2 && !L.hexagon && L.shape[0] > 12 && this.window()[3] < 0.5 * L.shape[1] ? { window: this.window() } : {}; }
+  part() { const { page: { canvas, run: { lattice: L } } } = this; return canvas.clientWidth < 520 && L.dimension === 2 && !L.hexagon && L.shape[0] > 12 && this.window()[3] < 0.6 * L.shape[1] ? { window: this.window() } : {}; }
   mark(cell, on) {
     const { page, guess, pen } = this, { lattice: L, kinds } = page.run, k = cell && L.key(cell);
     if (!cell || kinds[k] < 0 || (on && guess[k] === pen) || (!on && !(k in guess))) return;
@@ -142,12 +142,13 @@ export class Lesson {
   }
   show(what) {
     this.shown = what;
-    if (what !== "guess" && this.question) this.firsts[this.question.key] ??= { ...this.guess };
+    if (what !== "guess" && this.question && this.guessed(this.question)) this.firsts[this.question.key] ??= { ...this.guess };
     this.keep(); this.page.rebuild();
   }
   /** What changes with every picture: counts, what is shut, small pictures. */
   tell() {
-    const { page } = this, { tally } = this;
+    const { page, tally, question: q } = this;
+    if (q?.step === "predict" && q.kind !== "cells" && page.g > q.until && !this.teacher && !this.fixed) { this.finish(); page.rebuild(); }   // what has been seen is no guess any more
     if (this.home !== "guess" || !tally?.isConnected) return;
     const found = this.compared(page.g), shown = this.shown === "both";
     for (const kind of ["hit", "miss", "false"]) tally.querySelector(`.${kind} b`).textContent = shown ? found[kind].length : "–";
@@ -204,7 +205,6 @@ MODES.push({
       : button(t("changeGuess"), () => { lesson.shown = "guess"; page.seek(0); page.rebuild(); });
     return [segments(t("views"), lesson.shown, [["guess", t("myGuess")], ["happened", t("whatHappened")], ["both", t("both")]], (what) => lesson.show(what)), ...pens, make("span", { className: "push" }), change];
   },
-  play(page) { if (page.lesson.shown === "guess") page.lesson.show("both"); },
   draw(page) {
     const { lesson, run, inks, canvas } = page, view = page.view = new View(canvas, run.lattice, null, { foot: 16, ...lesson.part() });
     if (page.g > 0 && lesson.shown === "guess" && lesson.at >= 0) { lesson.show("both"); return; }
@@ -254,13 +254,12 @@ export function lessonSide(page) {
   tabs.classList.add("steps");
   STEPS.forEach((name, i) => { if (lesson.done.includes(name)) tabs.children[i].classList.add("done"); });
   const panel = make("div", { role: "tabpanel", id: `panel-${lesson.step}`, ariaLabel: t(`step_${lesson.step}`) }, ...(q ? questionCards(lesson, q) : []), ...stepCards(page));
-  const teacher = tick(t(lesson.teacher ? "answersShown" : "answersHidden"), lesson.teacher, (on) => { lesson.teacher = on; page.rebuild(); }, { role: "switch", className: "switch", ariaLabel: t("teacher") });
-  const notes = lesson.teacher && lesson.notes ? [make("div", { className: "card answer" }, rendered(page.say(lesson.notes)))] : [];
+  const teacher = tick(t(lesson.teacher ? "answersShown" : "answersHidden"), lesson.teacher, (on) => { lesson.teacher = on; page.rebuild(); page.root.querySelector("aside .body").scrollTo(0, 0); }, { role: "switch", className: "switch", ariaLabel: t("teacher") });
+  const notes = lesson.teacher && lesson.notes ? [make("details", { className: "card answer", open: lesson.at <= 0 }, make("summary", { textContent: t("plan") }), rendered(page.say(lesson.notes)))] : [];
   const { back, next } = lesson, foot = [make("div", { className: "ends" }, ...(back ? [button(t("backOne"), back)] : []),
-    button("", () => print(), { title: t("worksheet"), ariaLabel: t("worksheet"), className: "icon" }), make("span", { className: "push" }),
+    labelled("print", t("worksheet"), () => print(), { className: "icon" }), make("span", { className: "push" }),
     ...(next ? [button(t(next.word, { step: STEPS[next.step] ? t(`step_${STEPS[next.step]}`) : "" }), () => lesson.leave(next.go), { className: "main" })] : []))];
-  foot[0].querySelector(".icon").append(icon("print"), make("span", { className: "wide", textContent: t("worksheet") }));
-  return { tabs, body: [panel, ...notes, make("details", { className: "card teach", open: lesson.teacher }, make("summary", { textContent: t("teacher") }), teacher, button(t("forget"), ({ target }) => { if (target.textContent === t("forgetSure")) lesson.forget(); else target.textContent = t("forgetSure"); }, { className: "small" }))], foot };
+  return { tabs, body: [...notes, panel, make("details", { className: "card teach", open: lesson.teacher }, make("summary", { textContent: t("teacher") }), teacher, button(t("forget"), ({ target }) => { if (target.textContent === t("forgetSure")) lesson.forget(); else target.textContent = t("forgetSure"); }, { className: "small" }))], foot };
 }
 
 function questionCards(lesson, q) {
@@ -274,6 +273,7 @@ function questionCards(lesson, q) {
   lesson.saved = make("small", { className: `saved${lesson.keeps ? "" : " bad"}`, role: "status", textContent: lesson.told });
   if (q.kind === "number") list.push(make("div", { className: q.fields.length % 2 || q.fields.length > 6 ? "fields" : "fields pairs" }, ...q.fields.map((field, i) => numberCard(lesson, q, field, i))), ...(q.lines ? textCard(lesson, q, q.fields.length) : []), lesson.saved);
   else list.push(...(q.kind === "cells" && lesson.shown === "guess" ? [] : textCard(lesson, q)), lesson.saved);   // nothing surprises before it is seen
+  if (lesson.fixed) list.push(button(t("changeGuess"), () => { lesson.done = lesson.done.filter((step) => step !== q.step); page.seek(q.until ?? 0); page.rebuild(); }, { className: "small" }));
   if (q.hint) list.push(make("details", { className: "card" }, make("summary", { textContent: t("hint") }), rendered(say(q.hint))));
   if (lesson.teacher && q.answer) list.push(make("div", { className: "card answer" }, make("h3", { textContent: t("answers") }), rendered(say(q.answer))));
   return list;
@@ -282,14 +282,14 @@ function questionCards(lesson, q) {
 /** A field for words; `i`: behind so many numbers. */
 function textCard(lesson, q, i) {
   const { page, page: { t } } = lesson, given = lesson.answers[q.key], own = q.kind === "cells" ? t("surprise") : page.say(q.write), label = own || t("yourAnswer");
-  const area = make("textarea", { rows: Math.min(6, q.lines ?? 3), maxLength: MOST_LETTERS, placeholder: t(mayDraw(q) ? "drawOrSay" : "yourAnswer"), value: (i === undefined ? given : given?.[i]) ?? "", ariaLabel: label });
+  const area = make("textarea", { rows: Math.min(6, q.lines ?? 3), maxLength: MOST_LETTERS, readOnly: lesson.fixed, placeholder: t(mayDraw(q) ? "drawOrSay" : "yourAnswer"), value: (i === undefined ? given : given?.[i]) ?? "", ariaLabel: label });
   area.oninput = () => lesson.answer(q, area.value, i);
-  return [...(own ? [make("h3", {}, ...inline(own))] : []), area, ...(mayDraw(q) ? [button(t("drawn"), () => { lesson.answer(q, t("drawn")); page.rebuild(); }, { className: "small" })] : [])];
+  return [...(own ? [make("h3", {}, ...inline(own))] : []), area, ...(mayDraw(q) && !lesson.fixed ? [button(t("drawn"), () => { lesson.answer(q, t("drawn")); page.rebuild(); }, { className: "small" })] : [])];
 }
 
 function numberCard(lesson, q, field, i) {
   const { page } = lesson, { t } = page, label = page.say(field.label) ?? "", unit = page.say(field.unit) ?? "", asked = page.say(field.read_in) || unit, verdict = make("small", { role: "status" });
-  const input = make("input", { type: "text", inputMode: "decimal", className: "field", value: lesson.answers[q.key]?.[i] ?? "", ariaLabel: `${label} ${unit}`.trim() || t("yourAnswer"), autocomplete: "off" });
+  const input = make("input", { type: "text", inputMode: "decimal", className: "field", readOnly: lesson.fixed, value: lesson.answers[q.key]?.[i] ?? "", ariaLabel: `${label} ${unit}`.trim() || t("yourAnswer"), autocomplete: "off" });
   const judge = () => {
     const text = input.value.trim(), v = numberIn(text, unit), right = isRight(field, v), digits = text.replace(/^[^=]*=|\D*$/g, "").replace(/^[\s0.,−-]+|\D/g, ""), near = !q.rounds && Math.abs(v - field.answer) < 0.4 * Math.abs(field.answer) && Math.abs(v - field.answer) <= 0.5000001 * Math.abs(v) / Number(digits);   // rounded well, but too far: to half a step of its last digit
     verdict.textContent = !text ? "" : Number.isNaN(v) ? t(!/\d/.test(text) ? "noNumber" : asked && /\p{L}/u.test(text) ? "notIn" : "bareNumber", { u: asked }) : q.step === "predict" ? "" : right ? t("correct") : near ? t("moreDigits") : t("lookAgain", { x: page.say(field.look) || label || t("thePicture") });
@@ -342,8 +342,8 @@ function paperOf(page) {
     make("div", { className: "asked" }, make("p", {}, make("span", {}, ...inline(page.say(q.question))), make("small", { textContent: q.minutes ? t("minutes", { t: q.minutes }) : "" })), ...(q.note ? [rendered(page.say(q.note))] : []), ...answerOf(page, q))));
   const foot = make("div", { className: "bottom" }, make("span", { textContent: `kaju · ${page.say(page.title)}` }), make("span", { textContent: lesson.kept ? t("asSaved", { d: new Date().toLocaleDateString(page.language) }) : "" }));
   const answers = lesson.teacher ? [make("div", { className: "teachers" }, make("h1", { textContent: `${t("answers")}: ${page.say(page.title)}` }),
-    ...lesson.questions.map((q, i) => make("section", {}, make("b", { className: "number", textContent: i + 1 }), make("div", { className: "asked" }, ...solution(page, q)))),
-    ...(lesson.notes ? [rendered(page.say(lesson.notes))] : []))] : [];
+    ...(lesson.notes ? [rendered(page.say(lesson.notes))] : []),
+    ...lesson.questions.map((q, i) => make("section", {}, make("b", { className: "number", textContent: i + 1 }), make("div", { className: "asked" }, ...solution(page, q)))))] : [];
   return [head, ...(lesson.intro ? [rendered(page.say(lesson.intro))] : []), ...(page.start?.scene.rule?.kind === "prescribed" ? [ruleBox(t, page.start.scene)] : lesson.questions.some((q) => q.draws === true && mayDraw(q)) ? [] : [bodyOf(page)]), ...questions, foot, ...answers];
 }
 
@@ -351,7 +351,7 @@ function loadWords({ scene } = {}) {
   const sizes = (scene?.loads ?? []).map((l) => quantity(Math.hypot(...l.force), "N")), unlike = [...new Set(sizes)].slice(0, 3), times = (n) => (n > 1 ? `${n} × ` : "");
   return sizes.length ? [...unlike.map((size) => times(sizes.filter((other) => other === size).length) + size), scene.rule.threshold && `γ = ${quantity(scene.rule.threshold, "N")}`].filter(Boolean).join(", ") : "";
 }
-const solution = (page, q) => [make("p", { textContent: (q.fields ?? []).map((f) => `${page.say(f.label) ?? ""}: ${local(String(Number.isInteger(f.answer) ? f.answer : Number(f.answer.toPrecision(4))))} ${page.say(f.unit) ?? ""}${f.tolerance ? ` (± ${general(f.tolerance, 2)})` : ""}`).join(" · ") }), ...(q.answer ? [rendered(page.say(q.answer))] : [])];
+const solution = (page, q) => [make("p", { textContent: (q.fields ?? []).map((f) => `${page.say(f.label) ?? ""}: ${page.say(f.key) ?? `${local(String(f.answer))} ${page.say(f.unit) ?? ""}`}`).join(" · ") }), ...(q.answer ? [rendered(page.say(q.answer))] : [])];
 
 /** What has been answered, in italics; lines where nothing has. */
 function answerOf(page, q) {
@@ -364,7 +364,7 @@ function answerOf(page, q) {
   const guess = lesson.guesses[q.key] ?? {}, first = lesson.firsts[q.key], spawned = {}, { scene, cells = page.start.cells } = page.presets[q.show?.preset ?? 0];
   const run = page.touchable ? new Twin(scene, cells).run(q.until) : page.run, known = { run, scene };   // the question's own, whatever is loaded now
   run.lattice.each((k) => { if (first && run.spawn[k] > 0 && run.spawn[k] <= q.until) spawned[k] = run.spawn[k]; });
-  return [make("div", { className: "grids" }, grid(known, t("myGuess"), first ?? guess, { ...guess, ...spawned }), grid(known, t("whatHappened"), spawned, { ...guess, ...spawned })), ...(text ?? lines(2))];
+  return [make("div", { className: "grids" }, grid(known, t("myGuess"), first ?? guess, { ...guess, ...spawned }), grid(known, t("whatHappened"), spawned, { ...guess, ...spawned })), make("p", { textContent: t("surprise") }), ...(text ?? lines(1))];
 }
 
 /** The body as it begins, or as a question shows it. */
@@ -408,6 +408,6 @@ function ruleBox(t, scene) {
   if (a3) { shaft("M82 66V104M77 96L82 104L87 96"); word(72, 92, "α₃P", "end"); shaft("M198 66V104M193 96L198 104L203 96"); word(210, 92, "α₃P"); }
   if (rule.beta !== 1) { shaft("M98 56H56M64 51L56 56L64 61", true); word(4, 42, "(1−β)να₁P"); shaft("M182 56H224M216 51L224 56L216 61", true); word(196, 42, "(1−β)να₁P"); }
   word(140, 84, t("keeps"), "middle"); word(140, 102, "α₁P", "middle");
-  const values = `${Object.entries({ "α₁": a1, "α₂": a2, ...(a3 ? { "α₃": a3 } : {}), ...(rule.beta === 1 ? {} : { "β": rule.beta, "ν": nu }) }).map(([name, v]) => `${name} = ${general(v, 4)}`).join(", ")}, γ = ${quantity(rule.threshold, "N")}`;
+  const values = `${Object.entries({ "α₁": a1, "α₂": a2, ...(a3 ? { "α₃": a3 } : {}), ...(rule.beta === 1 ? {} : { "β": rule.beta, "ν": nu }) }).map(([name, v]) => `${name} = ${general(v, 4)}`).join(", ")}${rule.beta === 1 ? "" : `, (1−β)να₁ = ${general((1 - rule.beta) * nu * a1, 4)}`}, γ = ${quantity(rule.threshold, "N")}`;
   return make("div", { className: "rulebox" }, svg, make("div", {}, make("h2", { textContent: t("cell") }), make("p", { textContent: `${rule.accumulate ? t("addsUp") : ""}${t("ruleInWords")}${a3 ? t("ruleSides") : ""}${rule.beta === 1 ? "" : t("ruleWidens")}` }), make("p", { textContent: values })));
 }

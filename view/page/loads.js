@@ -144,7 +144,6 @@ export class Loads {
     page.change(() => Object.assign(load, { cell: [...cell], force: [...force], sense: load.sense === "side" ? "surface" : load.sense, face: entering(L, kinds, k, force) }));
     if (!typed) this.tell();
   }
-  move(load, cell) { this.edit(this.list.indexOf(load), { cell, force: load.force }); }
   /** A double click in the air beside the body adds a load that presses on it there. */
   double({ offsetX: x, offsetY: y }) {
     const { page } = this;

@@ -63,7 +63,6 @@ export class MotionPage extends Page {
   get deformable() { return Boolean(this.moved); }
   get colours() { return [...Object.keys(this.units), ...(this.moved ? ["move"] : [])]; }
   unitOf(name) { return name === "move" ? "m" : this.units[name]; }
-  get solvable() { return false; }
   word(key) { return this.t(key === "move" ? key : `value_${key}`); }
   /** How the run ended, in the reader's language where it has these words: numbers fill the gaps of a sentence. */
   certify() {
@@ -136,7 +135,7 @@ export class MotionPage extends Page {
     }
     if (scale) paintLegend(view, scale, this.word(look.colour), this.kindOf(scale), (v) => quantity(v, this.unitOf(look.colour)), inks);
     const level = this.visits[this.g], block = Array(this.dimension).fill(2 ** level).join("×");
-    this.parts.cap.textContent = this.told || [level > 0 && t("parents", { n: block }), this.times && Math.abs(this.times - 1) > 1e-9 && t("magnified", { n: quantity(this.times, "") }), this.lesson && t("measures", { s: this.sides.map((side) => quantity(Number(side.toPrecision(3)), "m")).join(" × ") }), this.lesson && this.corners === 2 && t(this.pulls ? "pulledMark" : "heldMark"), this.corners === 2 && this.breaking.length > 0 && t("breaksNow")].filter(Boolean).join(" · ");
+    this.parts.cap.textContent = this.told || [level > 0 && t("parents", { n: block }), this.times && Math.abs(this.times - 1) > 1e-9 && t("magnified", { n: quantity(this.times, "") }), this.lesson && t("measures", { s: this.sides.map((side) => quantity(Number(side.toPrecision(3)), "m")).join(" × ") }), this.lesson && this.corners === 2 && t(this.pulls ? "pulledMark" : "heldMark"), this.corners === 2 && this.breaking.length > 0 && t("breaksNow"), this.lesson && this.breaking.length > 0 && this.g === this.run.generation && this.parts.verdict.textContent].filter(Boolean).join(" · ");
   }
   middle(part) {
     const list = Array.from({ length: this.corners }, (_, i) => this.where(this.parts[part * this.corners + i]));
@@ -200,7 +199,7 @@ export class MotionPage extends Page {
     ctx.strokeStyle = inks.load; ctx.lineWidth = 2; ctx.setLineDash([3, 4]); ctx.beginPath();   // what breaks now
     for (const s of this.breaking) { const [a, b, m] = [this.where(parts[2 * s]), this.where(parts[2 * s + 1]), this.middle(s)].map((p) => view.point(p)); ctx.moveTo(...a); ctx.lineTo(...b); ctx.moveTo(m[0] + 11, m[1]); ctx.arc(...m, 11, 0, 7); }
     ctx.stroke(); ctx.setLineDash([]);
-    const fixed = new Set(held), radius = Math.max(1.5, 0.9 * width);
+    const fixed = new Set(held), radius = Math.max(1.5, 0.8 * width - 0.5);
     for (let i = 0; i < nodes; i++) {
       const [x, y] = view.point(this.where(i));
       ctx.fillStyle = fixed.has(i) ? inks.load : inks.ink; ctx.beginPath();

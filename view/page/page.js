@@ -76,7 +76,7 @@ export class Page {
   get deformable() { return this.scene.rule.kind === "prescribed"; }
   get colours() { return ["taken", "now", "spawn", ...(this.deformable ? ["kept", "stress", "move"] : []), ...(this.run.states ?? []).map(([name]) => `state ${name}`)]; }
   /** The page answers with elasticity for squares. */
-  get solvable() { return this.scene.lattice.kind === "square"; }
+  get solvable() { return this.scene?.lattice.kind === "square"; }
 
   // ----------------------------------------------------------------------------- the run
   compute() {
@@ -195,7 +195,6 @@ export class Page {
     if (on && this.limit === 0) { this.lesson.ask(); return; }
     this.playing = on;
     if (on && this.ended) this.goTo(0);
-    if (on) this.mode?.play?.(this);
     this.clock = null;
     if (on) requestAnimationFrame((now) => this.tick(now));
     this.later();
@@ -296,7 +295,7 @@ export class Page {
     const { run, look, inks, t } = this, { lattice: L } = run;
     const moved = look.deformed && this.deformable ? this.deformed() : null, factor = moved ? this.magnification() : 0;
     const cut = L.dimension === 3 ? look.cut : null;
-    const part = this.lesson && this.limit === Infinity && !moved && !box.w ? this.lesson.part() : {}, view = this.view = new View(this.canvas, L, look.camera, this.lesson && !box.w ? { foot: 60, ...part } : box);
+    const part = this.lesson && this.limit > 0 && !moved && !box.w ? this.lesson.part() : {}, view = this.view = new View(this.canvas, L, look.camera, this.lesson && !box.w ? { foot: 60, ...part } : box);
     paintCells(view, run.kinds, values, scale, inks, { moved, factor, cut });
     const shown = (k, cell) => !cut || cut.axis < 0 || cell[cut.axis] === cut.at;
     if (look.path && run.passed) paintPath(view, this.sums.passed.sum, inks, shown);
@@ -488,7 +487,7 @@ export class Page {
       if (this.picked >= 0) cell[way[0]] += way[1];
       if (L.contains(cell)) {
         const load = event.shiftKey && this.touchable && this.scene.loads.find((l) => L.key(l.cell) === this.picked);
-        if (load) this.loads.move(load, cell);
+        if (load) this.loads.edit(this.scene.loads.indexOf(load), { cell, force: load.force });
         this.pick(L.key(cell));
       }
       return true;

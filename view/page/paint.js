@@ -174,10 +174,10 @@ function paintFront(view, values, inks) {
 /** Numbers of columns and rows at the body's edge: five or so of each. */
 export function paintNumbers({ ctx, u, lattice: L, ...view }, inks) {
   if (L.dimension !== 2 || u < 6) return;
-  const [nx, ny] = L.shape, some = (n) => Array.from({ length: n }, (_, i) => i).filter((i) => (i % 5 === 0 && i < n - 2) || i === n - 1 || n <= 10);
+  const [nx, ny] = L.shape, some = (n, all = n <= 10) => Array.from({ length: n }, (_, i) => i).filter((i) => all || (i % 5 === 0 && i < n - 2) || i === n - 1);
   ctx.font = FONT; ctx.fillStyle = inks.soft; ctx.textBaseline = "middle"; ctx.textAlign = "right";
   const row = L.hexagon ? ROWS : 1;
-  for (const j of some(ny)) ctx.fillText(j, Math.max(18, view.x0 - 12), view.y0 - u * row * (j + 0.5));
+  for (const j of some(ny, ny <= 10 || u >= 15)) ctx.fillText(j, Math.max(18, view.x0 - 12), view.y0 - u * row * (j + 0.5));
   ctx.textAlign = "center";
   for (const i of some(nx)) if (view.x0 + u * i >= view.left - 1 && view.x0 + u * i < view.right) ctx.fillText(i, view.x0 + u * (i + 0.5), Math.min(view.h - 8, view.y0 + 20));
 }

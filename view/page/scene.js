@@ -75,15 +75,14 @@ function stacked({ lattice: { shape, cell_size: h }, materials }, cells) {   // 
 
 /** One row an agent: cell, material, generation of waking, loads taken, kept, let end. */
 export function csvOf(page) {
-  const { run, g, scene } = page, L = run.lattice, D = L.D, C = run.C;
+  const { run, g } = page, L = run.lattice, D = L.D, C = run.C;
   const names = "xyz".slice(0, L.dimension).split("").map((a) => `cell_${a}`);
   const channels = Array.from({ length: C }, (_, c) => `taken_${L.names[c % D]}${c < D ? "" : "_pull"} (N)`.replace("−", "-"));
   const rows = [[...names, "material", "spawn_step", ...channels, "kept (N)", "dropped (N)"].join(",")];
   page.goTo(g);
   L.each((k) => {
-    if (!run.spawn[k] || run.spawn[k] > g) return;
-    const story = page.storyOf(k), taken = Array.from(page.sums.taken.sum.subarray(k * C, (k + 1) * C));
-    rows.push([...L.cell(k), scene.materials[run.kinds[k]].name, run.spawn[k], ...taken, story.kept, story.dropped ?? ""].join(","));
+    const story = page.storyOf(k);
+    if (story) rows.push([...story.cell, story.material, story.spawn, ...story.taken, story.kept, story.dropped ?? ""].join(","));
   });
   return rows.join("\n") + "\n";
 }

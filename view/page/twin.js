@@ -28,12 +28,15 @@ export function bothOf(page, show = settings(page).show) {
   return { quantity: show, unit, factor, scale: { low: log ? high * NOTHING : 0, high, log }, small: high * NOTHING, rule: ruled()[show], elastic: answer?.fields[show] ?? null };
 }
 
+/** What the rule's cells show: all agents have a colour, those too that loads across have woken. */
+export const agentsOf = ({ run: { spawn }, g }, { rule, small }) => rule.map((v, k) => (Math.abs(v) > small ? Math.abs(v) : spawn[k] > 0 && spawn[k] <= g ? small : NaN));
+
 function paintAnswer(page, canvas, name, both) {
   const { run, look, inks, t } = page, { lattice: L, kinds } = run, { scale, small, factor, unit } = both, values = both[name];
   const u = name === "rule" ? page.deformed().displacement : page.elastic.answer.displacement;
   const moved = factor ? { displacement: u, corners: L.dimension === 2 ? cornersOf(L, kinds, u) : null } : null;
   const view = new View(canvas, L, look.camera, { foot: settings(page).ruler ? 64 : 48 });
-  paintCells(view, kinds, values.map((v) => (Math.abs(v) > small ? Math.abs(v) : NaN)), scale, inks, { moved, factor, cut: L.dimension === 3 ? look.cut : null });
+  paintCells(view, kinds, name === "rule" ? agentsOf(page, both) : values.map((v) => (Math.abs(v) > small ? Math.abs(v) : NaN)), scale, inks, { moved, factor, cut: L.dimension === 3 ? look.cut : null });
   if (L.dimension === 2 && view.u >= 9) L.each((k) => { if (values[k] < -small) paintWord(view.ctx, "−", ...view.at(...L.cell(k).map((c) => c + 0.5)), inks.ink, inks, { align: "center" }); });
   if (name === "elastic") canvas.ariaLabel = `${t("elastic")}: ${t(both.quantity)}`;
   if (name === "rule" || !page.twin.elastic.classList.contains("over")) paintLegend(view, scale, `${t(both.quantity)}${unit === "N" && view.w > 430 ? ` (${t("pullMark")})` : ""}`, t(scale.log ? "log" : "linear"), (v) => quantity(v, unit), inks);

@@ -374,7 +374,6 @@ export class Page {
     if (at === this.canvas) at.focus();        // it was out of the page for a moment
     else if (focus && !at.isConnected) [...this.host.querySelectorAll("button, input, select, textarea")].find((b) => (b.textContent || b.ariaLabel) === focus)?.focus();
   }
-  raiseSheet() { this.sheet = (this.sheet + 1) % 3; this.host.dataset.sheet = this.sheet; this.later(); }
   /** Whose picture it is, and who made it. */
   get whose() { return [...(this.own && this.touchable ? [] : [this.t(this.changed ? "changed" : this.kind)]), ...(this.own ? [this.studio?.asIs ? this.t("readyAgent", { n: this.say(this.studio.asIs.name) }) : this.t("ownAgents", { n: this.own.names.join(", ") })] : [])].join(" · "); }
   header() {

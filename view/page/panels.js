@@ -89,7 +89,7 @@ export function buildAside(page) {
   parts.story = make("div", { className: "story", role: "status", ariaLabel: t("agent") });
   parts.charts = make("div", { className: "charts", role: "img", ariaLabel: t("charts"), onpointerdown: (e) => page.seekChart(e) });
   const { tabs, body, foot = [] } = page.lesson ? lessonSide(page) : freeSide(page);
-  const grip = button("", () => page.raiseSheet(), { className: "grip", ariaLabel: t("sheet"), title: t("sheet") });
+  const grip = button("", () => { page.host.dataset.sheet = page.sheet = (page.sheet + 1) % 3; page.later(); }, { className: "grip", ariaLabel: t("sheet"), title: t("sheet") });
   return make("aside", {}, tabs, make("div", { className: "body", tabIndex: 0 }, grip, make("div", { className: "flow" }, ...body)), make("div", { className: "foot", hidden: !foot.length }, ...foot));
 }
 

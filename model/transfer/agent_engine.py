@@ -527,6 +527,11 @@ class BodySpace(DiscreteSpace):
         if not hasattr(type(self), "property_layers"):
             self.property_layers: dict[str, Any] = {}  # and Mesa 4 here
 
+    def add_property_layer(self, layer: Any) -> None:
+        """Refuse layers, for which all cells would have to be made."""
+        cure = f"let cells have the attribute: agent.cell.{layer.name} = 0.0"
+        raise AgentError(f"{layer.name}: the space of a body has no layers; {cure}")
+
     def holds(self, at: Index) -> bool:
         """Tell whether a cell belongs to the array."""
         shape = self.dimensions

@@ -249,14 +249,7 @@ def _own_data(model: Any) -> dict[str, Any]:
         "names": [part.__name__ for part in parts],
         "source": "\n\n".join(map(_source, parts)),
         "parameters": [
-            {
-                "name": name,
-                "label": parameter.text or name,
-                "low": parameter.low,
-                "high": parameter.high,
-                "whole": parameter.whole,
-                "value": values[name],
-            }
+            {"label": parameter.text or name, "value": values[name]}
             for name, parameter in declared(classes, Parameter).items()
             if name in values
         ],

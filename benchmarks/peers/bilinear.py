@@ -12,8 +12,8 @@ from typing import Any, Literal
 import numpy as np
 from scipy.sparse import coo_array, triu
 
-from kaju.arrays import Floats, Ints
-from kaju.factors import factors_of, rigid_motions
+from kaju.arrays import Floats, Ints, rigid_motions
+from kaju.factors import factors_of
 
 from .problems import Problem
 

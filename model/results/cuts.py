@@ -15,9 +15,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from kaju.arrays import Flags, Floats, Ints, first_largest, without_rows
+from kaju.arrays import Flags, Floats, Ints, first_largest, rigid_motions, without_rows
 from kaju.errors import ResultError, require
-from kaju.factors import rigid_motions
 from kaju.model.scene import Scene
 from kaju.model.scene.cell_types import DISPLACED, FOUNDATION, RIGID, ROLLER
 from kaju.model.scene.lattice import Lattice

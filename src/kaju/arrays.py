@@ -1,6 +1,7 @@
 """Arrays by what they hold, for annotations, and how they are shown."""
 
 from dataclasses import fields
+from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -60,3 +61,14 @@ def moved(points: Ints, axis: int, by: int | Ints | Flags) -> Ints:
     points = points.copy()
     points[:, axis] += by
     return points
+
+
+def rigid_motions(places: Floats, axis: Ints) -> Floats:
+    """Return what displacements along an axis each are in rigid motions: shifts, then turns."""
+    d = places.shape[1]
+    shifts = np.eye(d)[axis]
+    turns = [
+        np.where(axis == a, -places[:, b], np.where(axis == b, places[:, a], 0.0))
+        for a, b in combinations(range(d), 2)
+    ]
+    return np.column_stack([shifts, *turns])

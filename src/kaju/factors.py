@@ -1,15 +1,12 @@
-"""What sparse solvers share: LU factors of symmetric matrices, and rigid motions."""
+"""What sparse solvers share: LU factors of symmetric matrices."""
 
 from __future__ import annotations
 
-from itertools import combinations
 from typing import Any
 
-import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.linalg import SuperLU, splu
 
-from kaju.arrays import Floats, Ints
 from kaju.errors import OutOfMemoryError
 
 
@@ -30,14 +27,3 @@ def factors_of(matrix: sp.sparray, order: str = "MMD_AT_PLUS_A") -> SuperLU:
             f"the factors of a matrix of {columns.shape[0]:,} rows do not fit in memory; take "
             "fewer cells (a smaller resolution) or a larger tolerance, or free memory"
         ) from error
-
-
-def rigid_motions(places: Floats, axis: Ints) -> Floats:
-    """Return what displacements along an axis each are in rigid motions: shifts, then turns."""
-    d = places.shape[1]
-    shifts = np.eye(d)[axis]
-    turns = [
-        np.where(axis == a, -places[:, b], np.where(axis == b, places[:, a], 0.0))
-        for a, b in combinations(range(d), 2)
-    ]
-    return np.column_stack([shifts, *turns])

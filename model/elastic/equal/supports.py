@@ -14,8 +14,7 @@ from itertools import permutations
 import numpy as np
 from numpy.typing import NDArray
 
-from kaju.arrays import Flags, Floats, Ints
-from kaju.factors import rigid_motions
+from kaju.arrays import Flags, Floats, Ints, rigid_motions
 from kaju.model.elastic.free_motion import free_motion, unheld
 from kaju.model.scene.cell_types import RIGID
 

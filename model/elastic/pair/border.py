@@ -7,9 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from kaju.arrays import Flags, Floats, Ints
+from kaju.arrays import Flags, Floats, Ints, rigid_motions
 from kaju.errors import SupportError
-from kaju.factors import rigid_motions
 from kaju.model.elastic.free_motion import free_motion, unheld
 from kaju.model.elastic.moduli import moduli_at
 from kaju.model.elastic.posed_body import PosedBody

@@ -11,9 +11,8 @@ from functools import cached_property
 
 import numpy as np
 
-from kaju.arrays import Flags, Floats, Ints
+from kaju.arrays import Flags, Floats, Ints, rigid_motions
 from kaju.errors import SupportError
-from kaju.factors import rigid_motions
 from kaju.model.elastic.free_motion import free_motion
 from kaju.model.outline.leaf_triangles import leaf_triangles
 from kaju.model.outline.posed_outlines import SIDES, OutlinedBody, UnlikeError

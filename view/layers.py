@@ -12,9 +12,6 @@ from matplotlib.collections import PolyCollection
 
 from kaju.arrays import Floats, Ints
 from kaju.errors import ParameterError
-from kaju.model.elastic.pair.sheets import loops_of
-from kaju.model.outline.posed_outlines import SIDES
-from kaju.model.outline.true_shapes import UNIT
 from kaju.model.results.mesh import corner_order
 from kaju.model.results.result import Tiles
 
@@ -67,6 +64,10 @@ def arrows_of(found: CutAgents) -> Arrows:
 
     One stands for what would lie over each other, else 5 for a side, or 16 for an outline.
     """
+    from kaju.model.elastic.pair.sheets import loops_of  # these need SciPy, pictures of loads none
+    from kaju.model.outline.posed_outlines import SIDES
+    from kaju.model.outline.true_shapes import UNIT
+
     border, force = found.border, found.border.given
     walk = np.concatenate(loops_of(*border.ends.T))
     walk = walk[force[walk].any(axis=1)]

@@ -13,9 +13,11 @@ import re
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict
 from importlib.metadata import PackageNotFoundError, version
+from itertools import product
 from pathlib import Path
 from shutil import copyfile
 from textwrap import fill
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -61,7 +63,7 @@ def _processor() -> str:
 EQUAL = ("superlu", "pardiso", "pyamg")
 """Solvers of equal bilinear elements."""
 QUOTED = (
-    ("README.md", r"On a plate like this one.*?(?=\n\n)"),
+    ("README.md", r"For the same error, equal.*?(?=\n\n)"),
     ("docs/work-precision.md", r"\| body \| largest error.*?(?=\n\n)"),
 )
 """Where the record is quoted, and what stands there."""
@@ -83,20 +85,26 @@ def publish(folder: Path, found: Sequence[Measurement], conditions: dict[str, st
 
 def quotations(found: Sequence[Measurement], processor: str) -> tuple[str, str]:
     """Return what README and docs/work-precision.md say of the measurements."""
-    plate = [measurement for measurement in found if measurement.problem == "plate"]
-    target, mine = 2e-4, _of(plate, "multigrid")
-    ours = cost_at(target, mine)
-    theirs = {name: cost_at(target, _of(plate, name)) for name in (*EQUAL, "quadratic")}
-    slower = {name: (cost or np.nan) / (ours or np.nan) for name, cost in theirs.items()}
-    equal = [slower[name] for name in EQUAL]
+    rows = ratios(found)
+    equal = [row[name] for row in rows for name in EQUAL if name in row]
+    adaptive = [row["quadratic"] for row in rows if "quadratic" in row]
+    plate = next(row for row in rows if row["body"] == "plate" and row["error"] == 2e-4)
     readme = (
-        "On a plate like this one, for an error of 2e-4 of the largest displacement, `solve` took "
-        f"{1e3 * (ours or 0.0):.0f} ms on one thread ({processor}). Adaptive finite elements of "
-        f"second order took {slower['quadratic']:.2g} times as long, equal ones of first "
-        f"order {min(equal):.2g} to {max(equal):.2g} times, by the solver that they use ([how it "
-        "was measured](docs/work-precision.md))."
+        f"For the same error, equal finite elements of first order took {min(equal):.2g} to "
+        f"{max(equal):.2g} times as long as `solve` on the three bodies measured, adaptive ones of "
+        f"second order {min(adaptive):.2g} to {max(adaptive):.2g} times, the more the "
+        "smaller the error. An error of 2e-4 of the largest displacement of a plate like this one "
+        f"took `solve` {1e3 * plate['seconds']:.0f} ms on one thread ({processor}; [how it was "
+        "measured](docs/work-precision.md))."
     )
-    return fill(readme, 100, break_on_hyphens=False), ratios(found)
+    others = [name for name in METHODS if name != "multigrid" and any(name in row for row in rows)]
+    titles = " | ".join(METHODS[name].title for name in others)
+    lines = [f"| body | largest error | kaju.solve, equal cells (s) | {titles} |"]
+    lines.append("|---" * (3 + len(others)) + "|")
+    for row in rows:
+        times = " | ".join(f"{row[name]:.3g} ×" if name in row else "" for name in others)
+        lines.append(f"| {row['body']} | {row['error']:g} | {row['seconds']:.3g} | {times} |")
+    return fill(readme, 100, break_on_hyphens=False), "\n".join(lines)
 
 
 def measured_on(conditions: dict[str, str]) -> str:
@@ -105,26 +113,16 @@ def measured_on(conditions: dict[str, str]) -> str:
     return fill(f"Measured on: {pairs}.", 100, break_on_hyphens=False)
 
 
-def ratios(found: Sequence[Measurement]) -> str:
-    """Return the table of how much longer others take than `kaju.solve` for the same error."""
-    others = [name for name in METHODS if name != "multigrid"]
+def ratios(found: Sequence[Measurement]) -> list[dict[str, Any]]:
+    """Return by body and error how much longer others take than `kaju.solve` on equal cells."""
     rows = []
-    for problem in PROBLEMS:
-        mine = [measurement for measurement in found if measurement.problem == problem]
-        for target in TARGETS:
-            if ours := cost_at(target, _of(mine, "multigrid")):
-                theirs = {name: cost_at(target, _of(mine, name)) for name in others}
-                rows.append((f"| {problem} | {target:g} | {ours:.3g} |", ours, theirs))
-    reached = [name for name in others if any(theirs[name] for _, _, theirs in rows)]
-    titles = " | ".join(METHODS[name].title for name in reached)
-    lines = [
-        f"| body | largest error | kaju.solve (s) | {titles} |",
-        "|---" * (3 + len(reached)) + "|",
-    ]
-    for row, ours, theirs in rows:
-        times = [f"{spent / ours:.3g} ×" if (spent := theirs[name]) else "" for name in reached]
-        lines.append(f"{row} {' | '.join(times)} |")
-    return "\n".join(lines)
+    for body, error in product(PROBLEMS, TARGETS):
+        mine = [measurement for measurement in found if measurement.problem == body]
+        costs = {name: cost_at(error, _of(mine, name)) for name in METHODS}
+        if ours := costs.pop("multigrid"):
+            slower = {name: cost / ours for name, cost in costs.items() if cost}
+            rows.append({"body": body, "error": error, "seconds": ours, **slower})
+    return rows
 
 
 def _of(found: Iterable[Measurement], method: str) -> list[Measurement]:
@@ -194,14 +192,15 @@ def run(folder: Path, quick: bool, record: bool) -> None:
     """
     check_writable(folder, ResultFileError)
     folder.mkdir(parents=True, exist_ok=True)
-    table = folder / "work_precision.csv"
+    record_of = folder / "work_precision.csv"
     found: list[Measurement] = []
     for job in jobs(quick):
         found.append(in_a_fresh_process(*job))
-        pd.DataFrame(map(asdict, found)).to_csv(table, index=False)  # as far as it has come
+        pd.DataFrame(map(asdict, found)).to_csv(record_of, index=False)  # as far as it has come
         print(_line(found[-1]))
     conditions = environment()
-    words = f"{ratios(found)}\n\n{measured_on(conditions)}\n"
+    table = quotations(found, conditions["processor"])[1]
+    words = f"{table}\n\n{measured_on(conditions)}\n"
     (folder / "work_precision.md").write_text(words, encoding="utf-8")
     draw(found, folder / "work_precision.png")
     if record:

@@ -185,7 +185,8 @@ def make_gallery(folder: Path) -> list[Path]:
 def write_index(folder: Path) -> Path:
     """Write the index of all lessons into the folder of their pages; return it."""
     cards = "\n".join(_card(lesson(name)) for name in ORDER)
-    page = (HERE / "lesson_index.html").read_text("utf-8")
+    plans = [f'<a href="{name}.html#teacher">{n + 1}</a>' for n, name in enumerate(ORDER)]
+    page = (HERE / "lesson_index.html").read_text("utf-8").replace("{{plans}}", ", ".join(plans))
     target = folder / "index.html"
     target.write_text(page.replace("{{cards}}", cards), encoding="utf-8")
     return target

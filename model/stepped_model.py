@@ -57,6 +57,8 @@ class SteppedModel(Model):
         given = rng if seed is None else seed
         if given is None:  # one that can be told, so that the run can be had again
             given = int(default_rng().integers(2**32))
+        if isinstance(given, str) and given.isdecimal():  # as the fields of SolaraViz give it
+            given = int(given)
         try:
             default_rng(given)
         except (TypeError, ValueError):

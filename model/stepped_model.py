@@ -101,11 +101,11 @@ class SteppedModel(Model):
         self._own_step()
         code = getattr(self._own_step, "__code__", None)
         known = code is None or "step" in (*code.co_names, *code.co_consts)
-        if self.steps_taken == 1 and not (known or self.acted):
+        if self.steps_taken == 1 and not (known or self._acted):
             name = type(self).__name__
             raise AgentError(f"step: {name}.step lets no agent act; call super().step() in it")
 
-    acted = property(lambda model: model.generation > 0, doc="Whether agents have acted.")
+    _acted = property(lambda model: model.generation > 0, doc="Whether agents have acted.")
 
     @property
     def seed_drawn_from(self) -> int | None:

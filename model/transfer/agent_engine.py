@@ -100,7 +100,7 @@ class AgentEngine:
         self.agents, self.boundaries = {}, {}
         self.boxes: dict[Index, LoadBox] = {}  # of the body's cells
         self.called: list[LoadBox] = []
-        self.generation, self.asked = 0, True
+        self.generation = 0
         self.waiting: list[MaterialAgent] = []
         # Who took how much, by state: generation, agent, loads (N).
         self.acts: list[tuple[int, MaterialAgent, dict[int, float]]] = []
@@ -115,19 +115,15 @@ class AgentEngine:
     def begin(self) -> None:
         """Count a generation, and see for whom loads wait."""
         self.generation += 1
-        self.asked = False
         if len(self._same) > MOST_REMEMBERED:
             self._same.clear()
         self.waiting = [agent for agent in self.agents.values() if agent.inbox]
 
-    @property
-    def acted(self) -> bool:
-        """Whether agents were asked in this generation, or some have taken their loads."""
-        return self.asked or not all(agent.inbox for agent in self.waiting)
+    acted = property(lambda self: not self.waiting or not all(a.inbox for a in self.waiting))
+    """Whether an agent has taken its loads in this generation, or none had any."""
 
     def act(self, order: Order[MaterialAgent] | None = None) -> None:
         """Let all act for whom loads wait, or those whom an order chooses."""
-        self.asked = True
         waiting = [agent for agent in self.waiting if agent.inbox]
         for agent in waiting if order is None or not waiting else chosen(order, waiting):
             agent.step()

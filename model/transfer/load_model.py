@@ -130,10 +130,7 @@ class LoadModel(SteppedModel):
             "order": order,
             "rule": rule,
         }
-        own: dict[str, type] = dict(boundary_agents or {})
-        if not usual:
-            own["material"] = material_agent
-        own_or_usual: Any = next(iter(own.values()), order) or MaterialAgent
+        own_or_usual: Any = next(iter(classes), order) or MaterialAgent
         small = scene.lattice.size <= 10_000
         objects = takes_objects(engine, own_or_usual, MaterialAgent, small)
 
@@ -142,7 +139,7 @@ class LoadModel(SteppedModel):
                 return ArrayEngine(transfer)
             return AgentEngine(self, transfer, material_agent, boundary_agents or {})
 
-        names = [getattr(agent, "__name__", repr(agent)) for agent in own.values()]
+        names = [agent.__name__ for agent in classes]
         self.course = LoadTransfer(
             scene, allow_unstable, max_generations, rule=rule, own=names, engine_of=engine_of
         )
@@ -209,7 +206,7 @@ class LoadModel(SteppedModel):
             seed = self.seed_drawn_from
             return replace(self.course.result(), own_boundaries=names, seed=seed)
 
-    acted = property(attrgetter("engine.acted"), doc="Whether agents have acted in this step.")
+    _acted = property(attrgetter("engine.acted"), doc="Whether agents have acted in this step.")
     generation = property(attrgetter("engine.generation"), doc="Steps taken in the current stage.")
     stage = property(attrgetter("course.stage"), doc="Current stage of loading, counted from 1.")
     pending = property(attrgetter("engine.pending"), doc="Loads that wait to be taken (N), summed.")

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import partial
 from numbers import Integral
-from typing import Any, NamedTuple, Self
+from types import SimpleNamespace
+from typing import Any, Self
 
 from numpy.random import default_rng
 
@@ -13,14 +13,6 @@ from kaju._mesa import DataCollector, Model, number_agents_of, track_figures
 from kaju.agents.own_agents import noting_agents
 from kaju.errors import AgentError, ParameterError, brief, require
 from kaju.result_kinds import NOTEBOOK, fetch
-
-
-class Noted(NamedTuple):
-    """A model's figures after a step; a data collector takes it for the model."""
-
-    steps: int
-    time: float
-    figures: dict[str, float]
 
 
 class SteppedModel(Model):
@@ -39,7 +31,7 @@ class SteppedModel(Model):
     step: Callable[[], None]
     running: bool
     _collector: DataCollector | None
-    _noted: list[Noted]  # what the collector has not yet
+    _noted: list[Any]  # figures that the collector has not yet, each as a model has them
     _own_collector: bool
 
     def __init__(
@@ -93,7 +85,8 @@ class SteppedModel(Model):
             if self._own_collector:
                 self.datacollector.collect(self)
             else:  # Mesa copies every figure deeply, which would cost as much as a small step
-                self._noted.append(Noted(self.steps, float(self.steps), self.figures()))
+                clock = {"steps": self.steps, "time": float(self.steps)}
+                self._noted.append(SimpleNamespace(**clock, **self.figures()))
         self.steps = self.steps_taken
 
     def _let_act(self) -> None:
@@ -125,7 +118,7 @@ class SteppedModel(Model):
     def datacollector(self) -> DataCollector:
         """The figures after every step, as Mesa keeps them."""
         if self._collector is None:
-            self._collector = DataCollector({n: partial(_figure, n) for n in self.figures()})
+            self._collector = DataCollector({name: name for name in self.figures()})
         noted, self._noted = self._noted, []
         for each in noted:
             self._collector.collect(each)
@@ -164,8 +157,3 @@ class SteppedModel(Model):
     def arguments(self) -> tuple[dict[str, Any], dict[str, Any]]:
         """Return the model's plain arguments, and classes and functions of your own."""
         raise NotImplementedError
-
-
-def _figure(name: str, noted: Noted) -> float:
-    """Return one of a model's figures, as Mesa asks for it."""
-    return noted.figures[name]

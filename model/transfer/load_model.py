@@ -304,13 +304,8 @@ def keywords_into(
     for name in declared(classes, State):
         drawn = name in KINDS["load transfer"].pictures or name in KINDS["load transfer"].films
         column = re.fullmatch("(cell|displacement)_[xyz]|(strain|stress)_[xyz]{2}", name)
-        require(
-            not (drawn or column),
-            f"{name}: a picture, a film or a column of results has this name; give the State "
-            "another name",
-        )
-    if not (parameters or given):
-        return scene, {}
+        told = f"{name}: a picture, a film or a column of results has this name; give the State"
+        require(not (drawn or column), f"{told} another name")
     rule = {field.name for field in fields(scene.rule)}
     own = set(signature(model.__init__).parameters) | {"kind"}  # type: ignore[misc]
     for name in parameters.keys() & {*rule, *own, *FIGURES, "time", *every_name(model)}:  # Mesa 3.4

@@ -99,14 +99,11 @@ class LoadTransfer(Stepper[TransferResult]):
             return f"at rest after {generation} generations"
         watched = not (self.certificate.known or self.allow_unstable)
         if not pending <= (1e3 if watched else MOST_GROWN) * applied:  # or NaN
-            remedy = (
-                "; shares are for each newton taken, not newtons; to watch them grow further, set "
-                "allow_unstable=True (`kaju run --allow-unstable`)"
-            )
-            return (
-                f"stopped after {generation} generations: the loads have grown to "
-                f"{pending / applied:.0e} times the applied ones{remedy if watched else ''}"
-            )
+            told = f"stopped after {generation} generations: the loads have grown to"
+            told += f" {pending / applied:.0e} times the applied ones"
+            remedy = "; shares are for each newton taken, not newtons; to watch them grow further,"
+            remedy += " set allow_unstable=True (`kaju run --allow-unstable`)"
+            return told + remedy if watched else told
         if engine.most_at_one > 30_000:
             return (
                 f"stopped after {generation} generations: at one agent {engine.most_at_one:,} "

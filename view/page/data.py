@@ -144,11 +144,8 @@ class Account:
         self._returns = True
         self.absorbed: list[float] = []  # by boundaries, in all (N)
 
-    def note(
-        self, generation: int, totals: Totals | Stage, returned: float, absorbed: float = 0.0
-    ) -> None:
-        """Note what was done since, when boundaries have returned and absorbed so much (N)."""
-        self.absorbed.append(absorbed)
+    def note(self, generation: int, totals: Totals | Stage, returned: float) -> None:
+        """Note what was done since the last time, when boundaries have returned so much (N)."""
         lattice = self.scene.lattice
         new = totals.cells[len(self.key) :]
         self.key = np.append(self.key, lattice.key(new))

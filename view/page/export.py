@@ -274,8 +274,8 @@ def _watched(model: LoadModel) -> tuple[TransferResult, Account]:
         if model.generation == 1:  # a stage of loading has begun
             account = Account(model.scene)
         if model.generation:
-            engine = model.engine
-            account.note(model.generation, engine.totals(), engine.returned, engine.absorbed)
+            account.note(model.generation, model.engine.totals(), model.engine.returned)
+            account.absorbed.append(model.engine.absorbed)
         return False
 
     result = model.run(until=note)

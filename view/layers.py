@@ -56,7 +56,18 @@ def _curves_of(result: ElasticResult) -> TrueLines | None:
         return None
     lines = found.opinions.along if len(result.scene.cell_materials) > 1 else [np.empty((0, 2, 2))]
     joints = found.ground.edge * np.concatenate(lines)
-    return TrueLines(found.rings(), joints, arrows_of(found), result.scene)
+    return TrueLines(rings_of(found), joints, arrows_of(found), result.scene)
+
+
+def rings_of(found: CutAgents) -> list[tuple[Floats, Floats]]:
+    """Return the closed lines (m) that hold the body, on their left, and how they move (m)."""
+    from kaju.model.elastic.pair.sheets import loops_of
+
+    fit, ends = found.opinions.fitting, found.opinions.borders[0].ends
+    place = found.ground.edge * fit.mesh.place
+    moved = found.scales.displacement * fit.value.reshape(-1, 2)
+    rings = [np.append(ends[loop, 0], ends[loop[0], 0]) for loop in loops_of(*ends.T)]
+    return [(place[ring], moved[ring]) for ring in rings]
 
 
 def arrows_of(found: CutAgents) -> Arrows:

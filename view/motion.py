@@ -27,7 +27,7 @@ from .charts import fracture_curves, growth_curves, network_curves
 from .deformed import Joined, join, stress_text
 from .films import evenly
 from .fracture_plots import bearing
-from .layers import arrows_of
+from .layers import arrows_of, rings_of
 from .quadtree import errors_of
 from .section import Arrows
 from .units import quantity
@@ -300,7 +300,7 @@ def _within_outlines(result: ElasticResult, shown: Motion) -> Motion:
     found = result.cut_agents
     if found is None or shown.moved is None:
         return shown
-    rings = found.rings()
+    rings = rings_of(found)
     places, moved = (np.concatenate(part) for part in zip(*rings, strict=True))
     still = np.zeros((len(shown.moved) - 1, *moved.shape))
     drawn = []

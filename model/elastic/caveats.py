@@ -153,12 +153,11 @@ def _of_loads(grid: Scene) -> Iterator[str]:
 
 def _of_bolts(result: ElasticResult) -> Iterator[str]:
     """Say which rigid holes bear couples that bolts do not."""
-    cut, reach = result.cut_agents, max(result.scene.lattice.extent)
-    force = max((float(np.linalg.norm(f)) for f in result.reactions.values()), default=0.0)
-    rigid = cut.ground.rigid.values() if cut else ()
-    found = {name: float(result.couples[name]) for name in rigid}
+    cut, borne = result.cut_agents, result.reactions.values()
     # What moves forces by less than a hundredth is small.
-    if told := [f"{n!r} {c:.4g} Nm" for n, c in found.items() if abs(c) > 0.01 * force * reach]:
+    least = 0.01 * max(result.scene.lattice.extent) * max(map(np.linalg.norm, borne), default=0.0)
+    found = [(name, result.couples[name]) for name in (cut.ground.rigid.values() if cut else ())]
+    if told := [f"{name!r} {couple:.4g} Nm" for name, couple in found if abs(couple) > least]:
         yield (
             f"rigid holes do not turn: they bear couples ({', '.join(told)}), and bolts do not; "
             "real bolts may bear larger forces than the reactions here: for how to find them see "

@@ -174,7 +174,7 @@ class ElasticResult(BodyResult):
         return {name: unit * borne[:d] for name, borne in self._borne.items()}
 
     @cached_property
-    def couples(self) -> dict[str, float | Floats]:
+    def couples(self) -> dict[str, Any]:
         """Couple (N·m) of each support on the body, about the middle of where it holds.
 
         In the plane above 0 to the left, in space about x, y and z.
@@ -386,7 +386,8 @@ class ElasticResult(BodyResult):
         known, units = self.found.along, self.found.scales
         if name not in known:
             told = f"outline_stress: there is no outline {name!r}{suggestion(str(name), known)}"
-            raise ResultError(f"{told}; there is {', '.join(known) or 'none with a name'}")
+            told += f"; there is {', '.join(known) or 'none with a name'}"
+            raise ResultError(f"{told} (of rigid regions no stress is known at the edge)")
         return units.length * known[name].place, units.stress * known[name].moved
 
     def largest_along(self, component: str = HOOP) -> dict[str, float]:
@@ -464,10 +465,8 @@ class ElasticResult(BodyResult):
                 why = "stress has no limit, and no part is rounded away from where it has none"
             raise ResultError(f"value_of: along {name!r} {why}; ask for the stress at a point")
         if named:
-            raise ParameterError(
-                f"value_of: along the outline {at!r} only the stresses {HOOP!r} and 'von_mises' "
-                "can be asked for; for others give a point, a box or a side"
-            )
+            told = f"value_of: along the outline {at!r} only the stresses {HOOP!r} and 'von_mises'"
+            raise ParameterError(f"{told} are known; for others give a point, a box or a side")
         if not self.scene.outlined:
             refuse_singular(self.scene, [asked], "value_of")
         return plain(unit_of(asked, self.found.scales) * goal_of(asked, self.grid).read(self.found))
@@ -521,8 +520,8 @@ class ElasticResult(BodyResult):
             figures["goal_error"] = finite(self.goal_error)
             figures["goals"] = [goal.figures() for goal in self.goals]
         if self.spawned:
-            bound = finite(self.error_bound)
-            figures |= {"error_bound": bound, "energy_bounds": self.energy_bounds}
+            bounds = {"error_bound": finite(self.error_bound), "energy_bounds": self.energy_bounds}
+            figures |= bounds
         figures |= {"generations": max(len(self.generations), 1), "notes": list(self.notes)}
         return figures | {"seconds": self.seconds, "kaju_version": __version__}
 

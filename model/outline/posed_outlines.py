@@ -243,24 +243,39 @@ class OutlinedBody:
             found = LoadedOutline.pushed(name, which, region, total, self.shape)
             if total.any() and not found.stress.any():
                 raise SceneError(f"loads.{number}.force: no part of {name!r} faces it")
-        pieces = along(region, self.shape)
+        return self._away_from_sides(found, where)
+
+    def _away_from_sides(self, loaded: LoadedOutline, where: str) -> LoadedOutline:
+        """Return what acts along an outline; refuse a side of the array, where it is lost."""
+        pieces = along(self.true.regions[loaded.region], self.shape)
         if not len(pieces):
-            raise SceneError(f"{where}: no part of {name!r} lies within the array")
+            raise SceneError(f"{where}: no part of {loaded.name!r} lies within the array")
         for side, (axis, upper) in SIDES.items():
             on = (pieces[..., axis] == upper * self.shape[axis]).all(axis=1).any()
-            facing = found.facing is None or found.facing[axis] * (2 * upper - 1) < -TINY
+            facing = loaded.facing is None or loaded.facing[axis] * (2 * upper - 1) < -TINY
             if on and facing:
                 raise SceneError(
-                    f"{where}: {name!r} lies along the side {side} of the array, where its loads "
-                    f"do not act; load side = {side!r}, or draw the body away from it"
+                    f"{where}: {loaded.name!r} lies along the side {side} of the array, where its "
+                    f"loads do not act; take side {side!r}, or draw the body away from it"
                 )
-        return found
+        return loaded
 
-    def pushed(self, side: str, force: Floats) -> OutlinedBody:
-        """Return the body under nothing but a force on a side."""
+    def pushed(self, place: str, force: Floats) -> OutlinedBody:
+        """Return the body under nothing but a force on a side, or even on all of an outline."""
         found = copy(self)
-        found.outlines, found.weight = [], np.zeros(2)
-        found.sides = {side: np.append(force, np.zeros(4))}
+        found.sides, found.outlines, found.weight = {}, [], np.zeros(2)
+        if place in SIDES:
+            self.check_cusps(place, goal=True)
+            found.sides = {place: np.append(force, np.zeros(4))}
+            return found
+        which = [region.name for region in self.asked.body.regions].index(place)
+        # It presses on what faces it, and pulls at the rest as much.
+        for way in (force, -force):
+            one = LoadedOutline.pushed(place, which, self.true.regions[which], way, self.shape)
+            found.outlines.append(self._away_from_sides(one, f"goal: {place!r}"))
+        wide = sum(1.0 / np.linalg.norm(one.stress) for one in found.outlines if one.stress.any())
+        even = np.outer(force, force) / wide
+        found.outlines = [replace(found.outlines[k], stress=(2 * k - 1) * even) for k in (0, 1)]
         return found
 
     def bands(self) -> tuple[Floats, Floats]:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kaju.arrays import Floats, Ints
-from kaju.errors import ResultFileError, needing
+from kaju.errors import ResultFileError, needing, require
 from kaju.files import atomic_file
 
 
@@ -55,6 +55,8 @@ def write_vtk(
         import meshlane
 
     target, d = Path(path), corners[0].shape[2]
+    told = f"to_vtk: writes .vtu and .vtk, got {target.name}; a .glb mesh comes from kaju.animate"
+    require(not target.suffix[1:].isalpha() or target.suffix in (".vtu", ".vtk"), told)
     if target.suffix not in (".vtu", ".vtk"):
         target = target.with_name(target.name + ".vtu")
     every = np.concatenate([part.reshape(-1, d) for part in corners])

@@ -154,8 +154,8 @@ class Body(Described):
 
 
 _WORDS = ("free", "rigid", "roller")
-_SAME = dict.fromkeys(("fixed", "clamped", "pinned", "encastre", "ground", "built-in"), "rigid")
-_SAME |= dict.fromkeys(("symmetry", "symmetric", "slider", "sliding"), "roller")
+HELD_AS = dict.fromkeys(("fixed", "clamped", "pinned", "encastre", "ground", "built-in"), "rigid")
+HELD_AS |= dict.fromkeys(("symmetry", "symmetric", "slider", "sliding"), "roller")
 """What others call them."""
 _FORMS = 'a side is "free", "rigid", "roller", {stiffness = N/m³} or {displacement = [m, m]}'
 
@@ -181,8 +181,7 @@ class SideCondition(Described):
     def _from_short_form(cls, value: Any) -> Any:
         if isinstance(value, str):
             if value not in _WORDS:
-                meant = f" (did you mean {_SAME[value]!r}?)" if value in _SAME else ""
-                meant = meant or suggestion(value, _WORDS)
+                meant = suggestion(HELD_AS.get(value, value), _WORDS)
                 raise ValueError(f"there is no {value!r}{meant}; {_FORMS}")
             return {"word": value}
         if isinstance(value, SideCondition):

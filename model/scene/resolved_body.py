@@ -22,7 +22,7 @@ from kaju.arrays import Flags, Ints
 from kaju.errors import SceneError, SupportError, suggestion
 
 from .cell_types import AIR, DISPLACED, FOUNDATION, NOT_BODY, RIGID, ROLLER
-from .description import FREE, Body, Description, SideCondition, check_side
+from .description import FREE, HELD_AS, Body, Description, SideCondition, check_side
 from .lattice import Cells, Lattice
 from .pictures import Picture, check_count, check_size, from_array, from_drawing, from_image
 from .regions import reach_of
@@ -291,10 +291,9 @@ def _materials(
             names = list(dict.fromkeys([*described, *LIBRARY, *NOT_BODY]))
             bare = name.isascii() and name.isidentifier()  # else TOML quotes keys
             written = name if bare else json.dumps(name, ensure_ascii=False)
-            raise SceneError(
-                f"{key}: there is no material {name!r}{meant_material(name, names)}; describe "
-                f"it under [materials.{written}] or use {', '.join(names)}"
-            )
+            near = meant_material(HELD_AS.get(name, name), names)
+            told = f"{key}: there is no material {name!r}{near}; describe it under"
+            raise SceneError(f"{told} [materials.{written}] or use {', '.join(names)}")
     return {name: found[name] for name in keys if name not in NOT_BODY}
 
 

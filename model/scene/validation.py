@@ -265,14 +265,15 @@ def read_toml(text: str) -> dict[str, Any]:
 def with_lines(text: str, message: str, changed: Container[str] = ()) -> str:
     """Return an error's lines, each with the text's line of its key path, unless that changed."""
     places = {path: line for path, line in _places(text) if path not in changed}
-    lines = []
+    lines, sources = [], text.splitlines()
     for line in message.splitlines():
-        found = re.match(r"(\s*)([\w -]+(?:\.[\w -]+)*): ", line)
-        path = found[2] if found else ""
+        found = re.match(r"\s*([\w -]+(?:\.[\w -]+)*): ", line)
+        path = found[1] if found else ""
         while path and path not in places:
             path = path.rpartition(".")[0]
-        indent = found[1] if found else ""
-        lines.append(f"{indent}line {places[path]}: {line[len(indent) :]}" if path else line)
+        if path and re.search(r"\d,\d+,\s+-?\d+,\d", sources[places[path] - 1]):
+            line += "; numbers have a point, no comma: 0.2"
+        lines.append(re.sub(r"(?=\S)", f"line {places[path]}: ", line, count=1) if path else line)
     return "\n".join(lines)
 
 

@@ -50,8 +50,9 @@ def solve(
         What the tolerance (0.01 unless given) is about, instead of the energy norm: a `Deflection`,
         a `Stress` or a `Reaction`, or a list of these. Errors are relative to the quantity, or to a
         hundredth of the largest displacement, stress or reaction if that is more; of several the
-        largest counts. A point, a region or a side means its `Deflection`. Within true outlines it
-        is the `Deflection` of a free side, or the largest stress along one outline, by its name.
+        largest counts. A point, a region or a side means its `Deflection`; "top,y" that of the top
+        along y. Within true outlines it is the `Deflection` of a free side or of an outline on
+        which a load acts, or the largest stress along one outline, by its name.
     stage : int, optional
         Stage of loading; by default the last.
     previous : ElasticResult, optional

@@ -178,6 +178,7 @@ SQUARE = {"box": [[5.0, 5.0], [6.0, 6.0]]}
         ("hohle", plate(region(**DISK)), "did you mean 'hole'"),
         (kaju.Stress((1.0, 1.0), "hoop"), plate(region(**DISK)), r"an outline \(hole\)"),
         (kaju.Stress("hole", "xx"), plate(region(**DISK)), "no 'xx' of an outline"),
+        ("hole,y", plate(region(**DISK)), "a loaded outline"),
         ("left", plate(region(**DISK), sides={"left": "rigid"}), "left is held"),
         ([HOOP, HOOP], plate(region(**DISK)), "one goal at a time, got 2"),
         (HOOP, plate(region(**SQUARE)), r"no limit: this outline has a sharp corner at \(6, 5\)"),

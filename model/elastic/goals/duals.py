@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from itertools import combinations
+from itertools import combinations, combinations_with_replacement
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
@@ -29,6 +29,7 @@ from kaju.model.elastic.pair.leaves import LeafCells, Mesh
 from kaju.model.elastic.posed_body import PosedBody
 from kaju.model.outline.posed_outlines import OutlinedBody
 from kaju.model.scene import Scene, body_cells
+from kaju.model.scene.cell_types import INSIDE
 from kaju.model.scene.regions import LoadRegion
 
 if TYPE_CHECKING:
@@ -273,7 +274,12 @@ class Stressed(DualGoal):
         super().__init__(quantity, body)
         d = self.scene.lattice.dimension
         self._pairs = [(k, k) for k in range(d)] + list(combinations(range(d), 2))
-        self._component = quantities.component_of(quantity.component, d)
+        two, asked = combinations_with_replacement(range(d), 2), quantity.component
+        known: dict[str, Any] = {f"{'xyz'[a]}{'xyz'[b]}": (a, b) for a, b in two}
+        known["von_mises"] = None
+        if not {asked, asked[::-1]} & {*known}:
+            raise ParameterError(f"goal: there is no stress {asked!r}; there is {', '.join(known)}")
+        self._component = known.get(asked, known.get(asked[::-1]))
         if self._component is None and not self.no_bound:
             self.no_bound = "the equivalent stress is no linear quantity, and only such are proved"
 
@@ -318,7 +324,13 @@ class Supported(DualGoal):
     def __init__(self, quantity: Reaction, body: PosedBody | Scene) -> None:
         super().__init__(quantity, body)
         self._name = quantity.side
-        self.support = quantities.support_of(quantity.side, self.scene.lattice.sides)
+        names = [*self.scene.lattice.sides, INSIDE]
+        if isinstance(body, PosedBody) and quantity.side not in names:
+            near = f"{quantity.side!r}{suggestion(quantity.side, names)}"
+            raise ParameterError(
+                f"goal: there is no support {near}; there may be {', '.join(names)}"
+            )
+        self.support = names.index(quantity.side) if quantity.side in names else -1
 
     def loaded(self, mesh: Mesh, sides: Sides, found: Found | None) -> list[Sides]:
         """Return the body with the support moved along each direction, and nothing else."""

@@ -2,14 +2,14 @@
 
 A place is a point, (x, y) or (x, y, z) in metres; a box, such as ``{"box": [[0, 0], [0.1, 0.2]]}``,
 over which the mean counts (without thickness along one axis it is a section, or a surface); or the
-name of a side, such as ``"top"``: all of the body's surface there.
+name of a side, such as ``"top"``: all of the body's surface there; ``"top,y"`` means along y.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations_with_replacement, product
+from itertools import product
 from math import hypot, isfinite
 from typing import Any
 
@@ -19,7 +19,6 @@ from kaju.arrays import Floats
 from kaju.errors import ParameterError, suggestion
 from kaju.model.elastic.scales import Scales
 from kaju.model.results.result import finite
-from kaju.model.scene.cell_types import INSIDE
 
 Place = tuple[float, ...] | dict[str, Any] | str
 AXES = "xyz"
@@ -188,6 +187,8 @@ def quantities_of(goal: AskedFor) -> tuple[Quantity, ...]:
     """Return the quantities that `goal` asks for: of places the displacement."""
     if isinstance(goal, Quantity):
         return (goal,)
+    if isinstance(goal, str) and goal[-2:-1] == "," and goal[-1] in AXES:  # "top,y"
+        return (Deflection(goal[:-2], goal[-1]),)
     if isinstance(goal, (str, Mapping)) or _is_point(goal):
         return (Deflection(goal),)  # type: ignore[arg-type]
     if isinstance(goal, (Sequence, np.ndarray)) and len(goal):
@@ -248,34 +249,13 @@ def directions_of(along: str | tuple[float, ...] | None, dimension: int) -> Floa
     return np.array([along])
 
 
-def support_of(name: str, sides: Sequence[str]) -> int:
-    """Return the number of a support: of its side, or behind these of rigid cells inside."""
-    names = [*sides, INSIDE]
-    if name not in names:
-        raise ParameterError(
-            f"goal: there is no support {name!r}{suggestion(name, names)}; there may be "
-            f"{', '.join(names)}"
-        )
-    return names.index(name)
-
-
-def component_of(name: str, dimension: int) -> tuple[int, int] | None:
-    """Return the axes of a component of the stress, None for the equivalent stress."""
-    axes = AXES[:dimension]
-    if name == "von_mises":
-        return None
-    if not all(letter in axes for letter in name):
-        known = ", ".join(map("".join, combinations_with_replacement(axes, 2)))
-        raise ParameterError(f"goal: there is no stress {name!r}; there is {known}, von_mises")
-    return axes.index(name[0]), axes.index(name[1])
-
-
 def _component(name: Any) -> str:
     known = [*map("".join, product(AXES, repeat=2)), "von_mises", HOOP]
     if name not in known:
+        near = suggestion(2 * str(name) if str(name) in AXES else str(name), known)
         raise ParameterError(
-            f"component: there is no {name!r}{suggestion(str(name), known)}; there is xx, yy, xy "
-            f"and the like, von_mises, and {HOOP} along true outlines"
+            f"component: there is no {name!r}{near}; there is xx, yy, xy and the like, von_mises, "
+            f"and {HOOP} along true outlines"
         )
     return str(name)
 

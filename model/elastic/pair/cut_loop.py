@@ -44,19 +44,21 @@ def peak_asked(scene: Scene, goal: AskedFor | None) -> Stress | Deflection | Non
         return None
     named = [one.name for one in scene.body.regions if one.name and one.material != INSIDE]
     free = [side for side in SIDES if scene.side_condition(side).kind == "free"]
+    loaded = [str(load.outline) for load in scene.loads if load.outline is not None]
     one = goal[0] if isinstance(goal, list) and len(goal) == 1 else goal
-    along = isinstance(one, str) and (one in named or one not in SIDES)
-    first, *more = quantities_of(Stress(str(one), HOOP) if along else goal)
+    first, *more = quantities_of(goal)
+    if isinstance(one, str) and first == Deflection(one) and (one in named or one not in SIDES):
+        first = Stress(one, HOOP)
     at = getattr(first, "at", None)
-    near = suggestion(at, [*named, *free]) if isinstance(at, str) else ""
+    near = suggestion(at, [*named, *free]) if isinstance(at, str) and at not in named else ""
     wrong = f"{brief(one)} cannot be asked for{near}"
     if any(one.name == at and one.material == INSIDE for one in scene.body.regions):
-        wrong = f"{at!r} is rigid: no stress is told of its outline"
+        wrong = f"{at!r} is rigid: it does not move, and no stress is told of its outline"
     if more:
         wrong = f"one goal at a time, got {len(more) + 1}"
+    elif isinstance(first, Deflection) and at in [*free, *loaded]:
+        return first
     elif isinstance(first, Deflection) and at in [*SIDES]:
-        if at in free:
-            return first
         wrong = f"{at} is held, and has no deflection to ask for"
     elif isinstance(first, Stress) and at in named:
         if first.component == HOOP:
@@ -64,9 +66,9 @@ def peak_asked(scene: Scene, goal: AskedFor | None) -> Stress | Deflection | Non
         wrong = f"no {first.component!r} of an outline"
     raise ParameterError(
         f"goal: {wrong}; within true outlines it is the largest hoop stress along an outline "
-        f"({', '.join(named) or 'none has a name'}) or the deflection of a free side "
-        f'({", ".join(free) or "none"}); for others take outline = "cells", or in Python '
-        "answer.value_of, unproved"
+        f"({', '.join(named) or 'none has a name'}) or the Deflection of a free side or a loaded "
+        f"outline ({', '.join([*free, *loaded]) or 'none'}); for others take outline = "
+        '"cells", or in Python answer.value_of, unproved'
     )
 
 
@@ -90,8 +92,8 @@ class CutLoop(PairLoop):
         else:
             self.patience = 4  # the peak of a neck may be found late, at another place
             if isinstance(asked, Deflection):
-                body.check_cusps(str(asked.at), goal=True)
-                self._judge = partial(self._by_deflection, asked)
+                pushed = [body.pushed(str(asked.at), way) for way in directions_of(asked.along, 2)]
+                self._judge = partial(self._by_deflection, asked, pushed)
             else:
                 self._judge = _Peak(body, asked, tolerance).judge
 
@@ -140,16 +142,19 @@ class CutLoop(PairLoop):
             often = np.where(often > 1, often, 0)
         return replace(told, first=often)
 
-    def _by_deflection(self, asked: Deflection, pair: CutPair) -> Judged:
-        """Return the error of the mean displacement of a free side, with bounds.
+    def _by_deflection(
+        self, asked: Deflection, pushed: list[OutlinedBody], pair: CutPair
+    ) -> Judged:
+        """Return the error of the mean displacement of a free side or loaded outline, with bounds.
 
-        It is the work of a unit force on that side. With s, e the stresses of both opinions under
-        the loads, and t, z those under the force, this is ((s, t) + (e, z)) / 2 (products are those
-        of the energy) but for half the product of both gaps, as in `goals`.
+        It is the work of a unit force there, under which bodies are `pushed`. With s, e the
+        stresses of both opinions under the loads, and t, z those under the force, this is
+        ((s, t) + (e, z)) / 2 (products are those of the energy) but for half the product of both
+        gaps, as in `goals`.
         """
         value, off, part = [], [], np.zeros(len(pair.leaves))
-        for way in directions_of(asked.along, 2):
-            dual = CutPair(self.body.pushed(str(asked.at), way), pair.leaves)
+        for body in pushed:
+            dual = CutPair(body, pair.leaves)
             both = (pair.balancing, dual.balancing), (pair.fitting, dual.fitting)
             value.append(0.5 * sum(float(np.vdot(one.felt, other.felt)) for one, other in both))
             off.append(0.5 * sqrt(pair.gap * dual.gap))

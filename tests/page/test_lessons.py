@@ -227,6 +227,7 @@ def test_every_recorded_page_is_played_to_its_end(name, opened, tmp_path):
         page.tab.wait_for_timeout(200)
         end, count = page.js("[page.g, page.run.generation]")
         assert end == count >= 3
+        assert page.tab.locator(".cap", has_text="energy").count() == 0  # it would answer
         assert page.js("(page.draw(), page.canvas.toDataURL())") != first
 
 

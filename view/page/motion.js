@@ -89,8 +89,8 @@ export class MotionPage extends Page {
     const { born, gone, at, g, solid } = this;   // cubes that are less than half full hide the others
     return !(born && born[part] > at[g]) && !(gone && gone[part] <= at[g]) && !(solid && this.value(part, "density") < 0.5);
   }
-  /** Parts that end at this frame. */
-  get breaking() { const { gone, at, g } = this; return g && gone ? Array.from(gone.keys()).filter((s) => gone[s] > at[g - 1] && gone[s] <= at[g]) : []; }
+  /** Springs that tear at this frame. */
+  get breaking() { const { gone, at, g, corners } = this; return g && gone && corners === 2 ? Array.from(gone.keys()).filter((s) => gone[s] > at[g - 1] && gone[s] <= at[g]) : []; }
   value(part, name = this.look.colour) {
     if (name === "move") return this.far(this.moved[this.g], Math.floor(this.parts[part * this.corners] * this.dimension / this.each));
     const frames = this.fields[name];
@@ -135,7 +135,7 @@ export class MotionPage extends Page {
     }
     if (scale) paintLegend(view, scale, this.word(look.colour), this.kindOf(scale), (v) => quantity(v, this.unitOf(look.colour)), inks);
     const level = this.visits[this.g], block = Array(this.dimension).fill(2 ** level).join("×");
-    this.parts.cap.textContent = this.told || [level > 0 && t("parents", { n: block }), this.times && Math.abs(this.times - 1) > 1e-9 && t("magnified", { n: quantity(this.times, "") }), this.lesson && t("measures", { s: this.sides.map((side) => quantity(Number(side.toPrecision(3)), "m")).join(" × ") }), this.lesson && this.corners === 2 && t(this.pulls ? "pulledMark" : "heldMark"), this.corners === 2 && this.breaking.length > 0 && t("breaksNow"), this.lesson && this.breaking.length > 0 && this.g === this.run.generation && this.parts.verdict.textContent].filter(Boolean).join(" · ");
+    this.parts.cap.textContent = this.told || [level > 0 && t("parents", { n: block }), this.times && Math.abs(this.times - 1) > 1e-9 && t("magnified", { n: quantity(this.times, "") }), this.lesson && t("measures", { s: this.sides.map((side) => quantity(Number(side.toPrecision(3)), "m")).join(" × ") }), this.lesson && this.corners === 2 && t(this.pulls ? "pulledMark" : "heldMark"), this.breaking.length > 0 && t("breaksNow"), this.lesson && this.breaking.length > 0 && this.g === this.run.generation && this.parts.verdict.textContent].filter(Boolean).join(" · ");
   }
   middle(part) {
     const list = Array.from({ length: this.corners }, (_, i) => this.where(this.parts[part * this.corners + i]));

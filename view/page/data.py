@@ -16,6 +16,7 @@ from kaju.arrays import Floats, Ints
 from kaju.errors import ParameterError, SceneError
 from kaju.model.results.result import Curves, Result, solved_scene
 from kaju.model.scene import Scene
+from kaju.model.scene.cell_types import AIR
 from kaju.model.scene.lattice import BUILT_IN
 from kaju.model.scene.selection import BY_SIDE, BY_SURFACE, PULL, PUSH
 from kaju.model.transfer.deformation import axial_strain
@@ -277,7 +278,7 @@ def motion_data(result: Result) -> tuple[dict[str, Any], Columns]:
         "shares": [] if motion.shares is None else np.round(motion.shares, 9).tolist(),
         "visits": list(motion.visits),
         "outcome": motion.outcome,
-        "ground": ground_of(scene) if isinstance(scene, Scene) else [],
+        "ground": ground_of(scene, bool(motion.outlines)) if isinstance(scene, Scene) else [],
         "outlines": list(motion.outlines),
     }
     return header, columns
@@ -318,15 +319,19 @@ def _curve_data(curves: Curves) -> dict[str, Any]:
     }
 
 
-def ground_of(scene: Scene) -> list[dict[str, Any]]:
-    """Return the lines (m) along which a body of squares is held, with the way out of it."""
+def ground_of(scene: Scene, outlined: bool = False) -> list[dict[str, Any]]:
+    """Return the lines (m) along which a body of squares is held, with the way out of it.
+
+    Of a body within outlines at the sides of the array alone: rigid holes are drawn as others.
+    """
     lattice = scene.lattice
     if scene.outlined or lattice.kind != "square" or lattice.size > MOST_CELLS:
         return []
     cells, lines = np.argwhere(scene.rasterise() >= 0), []
     for arm, normal in enumerate(lattice.normals):
         axis = int(np.abs(normal).argmax())
-        kinds, step = scene.kinds(lattice.neighbours(cells, arm)), np.eye(2, dtype=int)[1 - axis]
+        beside, step = lattice.neighbours(cells, arm), np.eye(2, dtype=int)[1 - axis]
+        kinds = np.where(outlined & lattice.contains(beside), AIR, scene.kinds(beside))
         side = 0.5 * (1.0 - step) + 0.5 * normal  # of a cell: where its face lies
         for kind, (name, _) in SUPPORTS.items():
             held = cells[kinds == kind]

@@ -160,8 +160,8 @@ def _of_bolts(result: ElasticResult) -> Iterator[str]:
     if told := [f"{name!r} {couple:.4g} Nm" for name, couple in found if abs(couple) > least]:
         yield (
             f"rigid holes do not turn: they bear couples ({', '.join(told)}), and bolts do not; "
-            "real bolts may bear larger forces than the reactions here: for how to find them see "
-            "*Bolts* in the tutorial *Your first bracket*"
+            "real bolts may bear larger forces than these: see *Bolts* in the tutorial *Your first "
+            "bracket*"
         )
 
 

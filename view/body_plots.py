@@ -271,7 +271,7 @@ class BodyPicture:
         for spine in ax.spines.values():
             spine.set_color(LINE)
         form = 1.6 if stretched else float(np.divide(*(upper - lower)))
-        style.fit_figure(ax, form, -(-len(self.entries) // style.LEGEND_COLUMNS))
+        style.fit_figure(ax, form, self.entries)
         style.legend(ax, self.entries)
         style.caption(ax, title, notes)
         return ax

@@ -107,7 +107,7 @@ class NetworkPicture:
             for spine in self.ax.spines.values():
                 spine.set_color(LINE)
             width, height = (upper - lower) + 2.0 * room
-            style.fit_figure(self.ax, float(width / height), 1)
+            style.fit_figure(self.ax, float(width / height))
         else:
             cast(Axes3D, self.ax).set_box_aspect(upper - lower + 2.0 * room)
         style.caption(self.ax, "Spring network", notes)

@@ -50,8 +50,6 @@ BODY_HATCHES = ("", "...", "--", "oo", "++", "**")
 COLOURS = ("#c8963e", "#b2340b", "#0b5394", "#4d8b57", "#8a5aa8")
 """Of several curves in one chart."""
 
-LEGEND_COLUMNS = 3
-
 SEQUENTIAL = "viridis"
 SIZE = "YlGnBu"
 """For sizes from 0 upwards: light where there is little, as the body is."""
@@ -111,18 +109,27 @@ def new_axes(
     return ax if ax is not None else new_figure(size).add_subplot(projection=projection)
 
 
-def fit_figure(ax: Axes, ratio: float, lines: int) -> None:
-    """Give a figure of our own the size that suits axes of width/height `ratio`.
-
-    `lines` counts the lines of the legend. Figures of other people keep their size.
-    """
+def fit_figure(ax: Axes, ratio: float, handles: Sequence[Artist] = ()) -> None:
+    """Give a figure of our own the size for axes of width/height `ratio`, and for a legend."""
     figure = figure_of(ax)
     bars = len(figure.axes) - 1
     if figure.get_gid() != _OWN or bars > 1:
         return
     width = min(5.6, max(3.6, 4.9 * ratio))
     height = min(max(width / ratio, 1.6), 5.4)
-    figure.set_size_inches(width + 0.85 + 0.95 * bars, height + 1.25 + 0.19 * lines)
+    figure.set_figwidth(width + 0.85 + 0.95 * bars)
+    lines = max(1, -(-len(handles) // _columns(figure, handles)))
+    figure.set_figheight(height + 1.25 + 0.19 * lines)
+
+
+def _columns(figure: Figure, handles: Sequence[Artist]) -> int:
+    """Return into how many columns, at most three, a figure's legend fits."""
+    letters = np.array([len(str(handle.get_label())) for handle in handles])
+    for columns in (3, 2):
+        widest = [part.max(initial=0) for part in np.array_split(letters, columns)]
+        if 4.6 * sum(widest) + 34.0 * columns <= 72.0 * figure.get_figwidth():  # points
+            return columns
+    return 1
 
 
 def add_polygons(ax: Axes, corners: Floats, name: str, **look: Any) -> PolyCollection:
@@ -242,7 +249,7 @@ def legend(ax: Axes, handles: Sequence[Artist]) -> None:
         loc="upper left",
         bbox_to_anchor=(0.0, 0.0),
         bbox_transform=below,
-        ncols=LEGEND_COLUMNS,
+        ncols=_columns(figure_of(ax), handles),
         fontsize=8,
         frameon=False,
         borderaxespad=0.0,

@@ -34,15 +34,13 @@ def cube():
 
 def test_every_agent_is_one_tile_where_its_cell_is_in_the_colour_of_its_spawn_step():
     ax = axes_of(plate(), "agents")
-    assert len(drawn(ax, "material agents")) == 34
-    assert len(drawn(ax, "free boundary agents")) == 4
-    assert len(drawn(ax, "material steel")) == 400
+    names = ("material agents", "free boundary agents", "material steel")
+    assert [len(drawn(ax, name)) for name in names] == [34, 4, 400]
     assert sorted(part(ax, "material agents").get_array()) == sorted(plate().last.spawn_step)
     assert "34 material agents, 4 boundary agents after 8 generations" in notes(ax)
     entries = [text.get_text() for text in ax.get_legend().get_texts()]
     assert entries == ["steel", "rigid", "free boundary agent: air, gives loads back"]
-    assert ax.get_xlabel() == "x (mm)"
-    assert ax.xaxis.get_major_formatter()(0.05, 0) == "50"
+    assert (ax.get_xlabel(), ax.xaxis.get_major_formatter()(0.05, 0)) == ("x (mm)", "50")
     centres = np.array([tile[:4].mean(axis=0) for tile in drawn(ax, "material agents")])
     expected = plate().scene.lattice.centres(plate().last.cells)
     order = [np.lexsort(points.round(9).T) for points in (centres, expected)]
@@ -55,6 +53,8 @@ def test_every_agent_is_one_tile_where_its_cell_is_in_the_colour_of_its_spawn_st
 def test_ground_is_hatched_and_kinds_of_boundary_differ_in_form():
     tall = plate(1e-7)
     ax = axes_of(tall, "agents")
+    ax.figure.draw_without_rendering()
+    assert ax.get_legend().get_window_extent().x1 < ax.figure.bbox.x1
     assert part(ax, "support rigid").get_hatch() == "////"
     rigid = drawn(ax, "rigid boundary agents")
     assert len(rigid) == (tall.last.boundary_kind == -2).sum() > 0

@@ -49,10 +49,7 @@ def page_lesson(of: Lesson) -> dict[str, Any]:
         "curves": of.curves or None,
         "minutes": 45,
         "presets": [
-            {
-                "name": {k: text.presets[n][0] for k, text in of.texts.items()},
-                "note": dict.fromkeys(of.texts, ""),  # it would answer the questions
-            }
+            {"name": {k: text.presets[n][0] for k, text in of.texts.items()}}
             for n in range(len(of.scenes))
         ],
         "teacher": {k: f"{text.plan}\n\n{_notes(text)}" for k, text in of.texts.items()},
@@ -100,14 +97,11 @@ def _page_field(
     label, unit = ({k: q.fields[number][part] for k, q in asked.items()} for part in (0, 1))
     if len(set(unit.values())) > 1:
         label = {k: f"{label[k]} ({unit[k]})" for k in label}
-    key = accepted(value, tolerance)
     return {
         "label": label,
         "unit": unit["en"] if len(set(unit.values())) == 1 else "",
         "read_in": unit,
-        "key": {
-            k: f"{key.replace('.', ',') if k == 'de' else key} {unit[k]}".strip() for k in unit
-        },
+        "key": accepted(value, tolerance),
         "answer": round(value, 6),
         "tolerance": tolerance,
     }
@@ -143,10 +137,8 @@ def make_lesson(of: Lesson, folder: Path) -> list[Path]:
     told = page_lesson(of)
     if of.scenes:
         first, *others = of.scenes
-        presets = {
-            name: (scene, note)
-            for scene, (name, note) in zip(others, of.texts["en"].presets[1:], strict=True)
-        }
+        names = [name for name, _ in of.texts["en"].presets]
+        presets = dict(zip(names[1:], others, strict=True))  # notes would answer the questions
         target = folder / f"{of.name}.html"
         options = {"presets": presets, "lesson": told, "python": of.python}
         return [export_page(first, target, title=title, text=words, **options)]

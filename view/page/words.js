@@ -7,7 +7,7 @@ export const LANGUAGES = { en: "English", de: "Deutsch", ja: "日本語" };
 export const chosenLanguage = (now) => { try { if (now) localStorage.setItem("kaju:language", now); return localStorage.getItem("kaju:language"); } catch { return null; } };
 
 let comma = false;                             // decimal, as German writes it
-export const local = (number) => (comma ? number.replace(".", ",") : number);
+export const local = (number) => (comma ? number.replaceAll(".", ",") : number);
 export const roundDown = (x) => { const p = 10 ** Math.floor(Math.log10(x) + 1e-12); return Number((p * [5, 2, 1].find((d) => d * p <= x * (1 + 1e-12))).toPrecision(1)); };   // to 1, 2, 5, 10 ...
 
 export const say = (language) => {

@@ -20,13 +20,13 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields, is_dataclass
-from functools import cache
+from functools import cache, partial
 from types import UnionType
 from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import TypeAdapter, ValidationError
+from pydantic import ConfigDict, TypeAdapter, ValidationError
 
 from kaju.errors import ResultError, brief
 from kaju.model.scene import Scene
@@ -34,7 +34,8 @@ from kaju.model.scene import Scene
 Arrays = dict[str, NDArray[Any]]
 Sizes = dict[str, Any]
 _is_record: Callable[[Any], bool] = is_dataclass
-_adapter: Callable[[Any], TypeAdapter[Any]] = cache(TypeAdapter)
+# NaN stays NaN: before pydantic 2.13 one within a named tuple became None.
+_adapter = cache(partial(TypeAdapter[Any], config=ConfigDict(ser_json_inf_nan="constants")))
 
 
 @dataclass(frozen=True)

@@ -207,10 +207,8 @@ class AgentEngine:
     def hand_over(self, sender: Any, arm: int, load: Any) -> None:
         """Hand over a load of an agent's own making, unless it is too small."""
         if not isinstance(sender, MaterialAgent):
-            raise AgentError(
-                "hand_over: the agent that hands over comes first, as in hand_over(self, arm, "
-                f"load), got {brief(sender)}"
-            )
+            told = "hand_over: who hands over comes first, as in hand_over(self, arm, load)"
+            raise AgentError(f"{told}, got {brief(sender)}")
         checked, arm = self.guard.load(sender, "hand_over", load, arm), int(arm)
         if not checked.magnitude > self.least:
             sender.dropped += checked.total

@@ -59,24 +59,21 @@ PUSH = [0.0, -2.0]
 STRIP = [-1, 0.197], [1, 0.197], [1, 1], [-1, 1]
 
 
-@pytest.mark.parametrize(
-    ("load", "said"),
-    [
-        (on("box", [0.095, 0.15], [0.1, 0.2], force=PUSH), "by up to 0.01"),
-        (on("disk", 0.1, 0.1, 0.03, force=[1.0, 0.0]), "0.005"),
-        (
-            on("disk", 0.1, 0.2, 0.033, pressure=1e3),
-            "takes whole faces or cells: the edge of its region moves by up to 0.005 m",
-        ),
-        ({"side": "top", "couple": 1.0}, ""),
-        (on("polygon", *STRIP, pressure=1e3), "0.005"),
-        (on("box", [0.095, 0.2], [0.105, 0.2], force=PUSH), ""),
-        (on("box", [0.09, 0.2], [0.11, 0.2], force=PUSH), ""),
-        ({"point": [0.098, 0.2], "force": PUSH}, "spread over the 0.01 m"),
-        ({"side": "top", "pressure": 1e3, "pressure_slope": [1e4, 0.0]}, ""),
-        (on("box", [0.1, 0.2], [0.2, 0.2], force=[2.0, 0.0]), "drags the surface"),
-    ],
-)
+@pytest.mark.parametrize(("load", "said"), [
+    (on("box", [0.095, 0.15], [0.1, 0.2], force=PUSH), "by up to 0.01"),
+    (on("disk", 0.1, 0.1, 0.03, force=[1.0, 0.0]), "0.005"),
+    (
+        on("disk", 0.1, 0.2, 0.033, pressure=1e3),
+        "takes whole faces or cells: the edge of its region moves by up to 0.005 m",
+    ),
+    ({"side": "top", "couple": 1.0}, ""),
+    (on("polygon", *STRIP, pressure=1e3), "0.005"),
+    (on("box", [0.095, 0.2], [0.105, 0.2], force=PUSH), ""),
+    (on("box", [0.09, 0.2], [0.11, 0.2], force=PUSH), ""),
+    ({"point": [0.098, 0.2], "force": PUSH}, "spread over the 0.01 m"),
+    ({"side": "top", "pressure": 1e3, "pressure_slope": [1e4, 0.0]}, ""),
+    (on("box", [0.1, 0.2], [0.2, 0.2], force=[2.0, 0.0]), "drags the surface"),
+])  # fmt: skip
 def test_loads_that_do_not_act_just_where_they_are_described_are_named(load, said):
     notes = [note for note in solve(plate(**load)).notes if note.startswith("loads.0 ")]
     assert len(notes) == bool(said)

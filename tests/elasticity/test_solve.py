@@ -128,14 +128,11 @@ def test_a_member_one_cell_wide_is_solved_on_halved_cells():
     assert np.isfinite(result.max_displacement)
 
 
-@pytest.mark.parametrize(
-    ("sides", "how"),
-    [
-        ({"bottom": "roller"}, "move along x"),
-        ({"left": "roller"}, "move along y"),
-        ({"bottom": {"stiffness": 1.0}}, "move along x"),
-    ],
-)
+@pytest.mark.parametrize(("sides", "how"), [
+    ({"bottom": "roller"}, "move along x"),
+    ({"left": "roller"}, "move along y"),
+    ({"bottom": {"stiffness": 1.0}}, "move along x"),
+])  # fmt: skip
 @pytest.mark.parametrize("cells", [(32, 16), (9, 5)])
 def test_a_body_that_can_slide_is_refused(sides, how, cells):
     load = {"cell": [1, 1], "force": [1.0, -1.0]}

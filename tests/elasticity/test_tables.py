@@ -154,14 +154,11 @@ def plate(n):
     return Scene(body=body, materials=steel, sides={"bottom": "rigid"}, loads=[load])
 
 
-@pytest.mark.parametrize(
-    ("n", "under_load", "centre"),
-    [
-        (80, -1.16878709e-8, -2.88729657e-9),
-        (320, -1.16719728e-8, -2.88620773e-9),
-        pytest.param(1280, -1.16709893e-8, -2.88611051e-9, marks=pytest.mark.slow),
-    ],
-)
+@pytest.mark.parametrize(("n", "under_load", "centre"), [
+    (80, -1.16878709e-8, -2.88729657e-9),
+    (320, -1.16719728e-8, -2.88620773e-9),
+    pytest.param(1280, -1.16709893e-8, -2.88611051e-9, marks=pytest.mark.slow),
+])  # fmt: skip
 def test_the_plate_of_two_other_programs(n, under_load, centre):
     found = solve(plate(n)).found
     faces = found.scales.displacement * found.solution.displacement[1][found.problem.inner]

@@ -56,10 +56,10 @@ def frames(
         figure.set_dpi(RESOLUTION)
         figure.draw_without_rendering()
     first = min(looked_at, key=lambda figure: figure.axes[0].get_position(original=True).height)
-    limits = [
-        [_union([getattr(f.axes[n], f"get_{name}lim")() for f in looked_at]) for name in _names(ax)]
-        for n, ax in enumerate(first.axes)
-    ]
+    limits = []  # of all pictures together
+    for n, ax in enumerate(first.axes):
+        every = [[getattr(f.axes[n], f"get_{x}lim")() for f in looked_at] for x in _names(ax)]
+        limits.append([(min(low), max(high)) for low, high in map(np.transpose, every)])
     places = [ax.get_position(original=True) for ax in first.axes]
     for moment in moments:
         figure = draw(moment)
@@ -79,10 +79,6 @@ def _names(ax: Axes) -> str:
     if ax.get_label() == "<colorbar>":
         return ""
     return "xyz" if ax.name == "3d" else "xy"
-
-
-def _union(ends: Sequence[tuple[float, float]]) -> tuple[float, float]:
-    return min(low for low, _ in ends), max(high for _, high in ends)
 
 
 def _bare(figure: Figure) -> None:

@@ -115,16 +115,11 @@ def kept_apart(lines: list[Floats]) -> list[Floats]:
     return lines
 
 
-def _alike(one: Floats, other: Floats) -> Flags:
-    """Tell which triangles are the same, whichever end of their arcs comes first."""
-    apart = [np.abs(one - at).max(axis=(1, 2)) for at in (other, other[:, ::-1])]
-    return np.asarray(np.minimum(*apart) < CLOSE)
-
-
 def _shared(frames: ArcFrames, owner: Ints, first: Ints, second: Ints) -> Flags:
     """Tell which pairs of arcs meet as arcs of one line do, since lines have one of them alike."""
-    alike = _alike(frames.triangles[first], frames.triangles[second])
-    alike &= owner[first] != owner[second]
+    one, other = frames.triangles[first], frames.triangles[second]
+    apart = [np.abs(one - at).max(axis=(1, 2)) for at in (other, other[:, ::-1])]  # either way
+    alike = (np.minimum(*apart) < CLOSE) & (owner[first] != owner[second])
     # An arc and a line that has its like, as one number: pairs come in both orders.
     arc_and_line = first * (owner[-1] + 1) + owner[second]
     back = second * (owner[-1] + 1) + owner[first]

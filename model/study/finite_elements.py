@@ -172,12 +172,6 @@ def cells_of(mesh: Any) -> Index:
     return cells
 
 
-def _element_moduli(scene: Scene, mesh: Any, kinds: Index) -> Moduli:
-    """Return the moduli (Pa) of every element; see `surroundings` for `kinds`."""
-    kind = kinds[tuple(cells_of(mesh) + 1)]
-    return moduli_at(scene_moduli(scene), kind)
-
-
 def _faces_of(mesh: Any, facets: Index) -> tuple[Index, Index]:
     """Return the cell and the direction of the face that facets of the boundary lie on."""
     cell = cells_of(mesh)[:, mesh.f2t[0, facets]]
@@ -291,7 +285,7 @@ def solve_on(
     """Solve a scene on the elements of a vector-valued basis on a mesh in cells."""
     import skfem
 
-    moduli = _element_moduli(scene, basis.mesh, kinds)
+    moduli = moduli_at(scene_moduli(scene), kinds[tuple(cells_of(basis.mesh) + 1)])
     matrix = _stiffness(scene, basis, moduli)
     right, u = _load_vector(scene, basis), np.zeros(basis.N)
     free = np.setdiff1d(np.arange(basis.N), _held(basis, kinds))

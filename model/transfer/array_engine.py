@@ -334,7 +334,7 @@ class ArrayEngine:
         self.material, self.form = np.append(self.material, material), np.append(self.form, form)
         self.shift = np.append(self.shift, column - number * self.states)
         self.spawn_step, self.woken_by, self.over, self.took, self.books = (
-            _longer(table, len(body))
+            np.concatenate([table, np.zeros((len(body), *table.shape[1:]), dtype=table.dtype)])
             for table in (self.spawn_step, self.woken_by, self.over, self.took, self.books)
         )
 
@@ -445,11 +445,6 @@ def _slices(count: int, each: int = 1) -> Iterator[slice]:
     """Yield slices of so many rows, of which `each` belong together."""
     most = max(1, ROWS_AT_ONCE // each)
     return (slice(first, first + most) for first in range(0, count, most))
-
-
-def _longer(table: Any, rows: int) -> Any:
-    """Return a table with so many more rows of zeros."""
-    return np.concatenate([table, np.zeros((rows, *table.shape[1:]), dtype=table.dtype)])
 
 
 def _firsts(rising: Ints | Floats) -> Ints:

@@ -320,10 +320,7 @@ def _curve_data(curves: Curves) -> dict[str, Any]:
 
 
 def ground_of(scene: Scene, outlined: bool = False) -> list[dict[str, Any]]:
-    """Return the lines (m) along which a body of squares is held, with the way out of it.
-
-    Of a body within outlines at the sides of the array alone: rigid holes are drawn as others.
-    """
+    """Return the lines (m) along which a body of squares is held, with the way out of it."""
     lattice = scene.lattice
     if scene.outlined or lattice.kind != "square" or lattice.size > MOST_CELLS:
         return []
@@ -331,6 +328,7 @@ def ground_of(scene: Scene, outlined: bool = False) -> list[dict[str, Any]]:
     for arm, normal in enumerate(lattice.normals):
         axis = int(np.abs(normal).argmax())
         beside, step = lattice.neighbours(cells, arm), np.eye(2, dtype=int)[1 - axis]
+        # within outlines rigid holes are drawn as others
         kinds = np.where(outlined & lattice.contains(beside), AIR, scene.kinds(beside))
         side = 0.5 * (1.0 - step) + 0.5 * normal  # of a cell: where its face lies
         for kind, (name, _) in SUPPORTS.items():

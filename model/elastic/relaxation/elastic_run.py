@@ -57,7 +57,8 @@ class FaceAgents:
         """Return the agents that have spawned."""
         rows = []
         for number, (level, faces) in enumerate(zip(state.table.levels, state.levels, strict=True)):
-            awake = _awake(faces.spawn_step)
+            awake = np.flatnonzero(faces.spawn_step)  # in the order of their steps
+            awake = awake[np.argsort(faces.spawn_step[awake], kind="stable")]
             at = state.table.positions(number)
             columns = (level.place[0], at, faces.taken, faces.left, faces.displacement)
             named = np.full(len(awake), number), faces.spawn_step[awake], awake
@@ -147,12 +148,6 @@ class Recorder:
         )
         left, taken, moved = (np.concatenate(column).astype(np.float32) for column in columns)
         return state.generation, left, taken, moved
-
-
-def _awake(step: Ints) -> Ints:
-    """Return the rows that have a step, in the order of their steps."""
-    awake = np.flatnonzero(step)
-    return awake[np.argsort(step[awake], kind="stable")]
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -63,7 +63,7 @@ def _processor() -> str:
 EQUAL = ("superlu", "pardiso", "pyamg")
 """Solvers of equal bilinear elements."""
 QUOTED = (
-    ("README.md", r"For the same error, equal.*?(?=\n\n)"),
+    ("README.md", r"\| finite elements.*?(?=\n\n## )"),
     ("docs/work-precision.md", r"\| body \| largest error.*?(?=\n\n)"),
 )
 """Where the record is quoted, and what stands there."""
@@ -87,15 +87,16 @@ def quotations(found: Sequence[Measurement], processor: str) -> tuple[str, str]:
     """Return what README and docs/work-precision.md say of the measurements."""
     rows = ratios(found)
     equal = [row[name] for row in rows for name in EQUAL if name in row]
-    adaptive = [row["quadratic"] for row in rows if "quadratic" in row]
+    adaptive = [(row["quadratic"], row["error"]) for row in rows if "quadratic" in row]
+    (least, rough), (most, fine) = min(adaptive), max(adaptive)
     plate = next(row for row in rows if row["body"] == "plate" and row["error"] == 2e-4)
     readme = (
-        f"For the same error, equal finite elements of first order took {min(equal):.2g} to "
-        f"{max(equal):.2g} times as long as `solve` on the three bodies measured, adaptive ones of "
-        f"second order {min(adaptive):.2g} to {max(adaptive):.2g} times, the more the "
-        "smaller the error. An error of 2e-4 of the largest displacement of a plate like this one "
-        f"took `solve` {1e3 * plate['seconds']:.0f} ms on one thread ({processor}; [how it was "
-        "measured](docs/work-precision.md))."
+        "| finite elements | their time, as a multiple of that of `solve` |\n|---|---|\n"
+        f"| equal, first order (SuperLU, PARDISO, pyamg) | {min(equal):.2g} to {max(equal):.2g} |\n"
+        f"| adaptive, second order | {least:.2g} (error of {100 * rough:g} %) to {most:.2g} "
+        f"(error of {100 * fine:g} %) |\n\n"
+        f"On the plate `solve` took {1e3 * plate['seconds']:.0f} ms for an error of 2e-4 of the\n"
+        f"largest displacement, on one thread ({processor})."
     )
     others = [name for name in METHODS if name != "multigrid" and any(name in row for row in rows)]
     titles = " | ".join(METHODS[name].title for name in others)
@@ -104,7 +105,7 @@ def quotations(found: Sequence[Measurement], processor: str) -> tuple[str, str]:
     for row in rows:
         times = " | ".join(f"{row[name]:.3g} ×" if name in row else "" for name in others)
         lines.append(f"| {row['body']} | {row['error']:g} | {row['seconds']:.3g} | {times} |")
-    return fill(readme, 100, break_on_hyphens=False), "\n".join(lines)
+    return readme, "\n".join(lines)
 
 
 def measured_on(conditions: dict[str, str]) -> str:

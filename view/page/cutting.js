@@ -8,7 +8,7 @@ import { hand } from "./scene.js";
 import { general, local, prefixOf, quantity } from "./words.js";
 
 const SAME = 1e-9, NUMBERS = 46;               // of the load: what rounding leaves; pixels for the numbers beside bars
-const inOneUnit = (v, { needed, carried }) => { const [factor, prefix] = prefixOf(Math.max(Math.abs(needed) || 0, Math.abs(carried)), "N"); return Number.isNaN(v) ? "–" : `${general(v / factor, 4).replace("-", "−")} ${prefix}N`; };   // all forces of a cut in one unit
+const inOneUnit = (v, { needed, carried }) => { const top = Math.max(Math.abs(needed) || 0, Math.abs(carried)), [factor, prefix] = prefixOf(top, "N"); return Number.isNaN(v) || Math.abs(v) < 1e-3 * top ? quantity(v, "N") : `${general(v / factor, 4).replace("-", "−")} ${prefix}N`; };   // the forces of a cut, unless they are far apart
 const placed = (page) => page.look.cuts ??= { rows: [0.97, 0.82].map((part) => Math.floor(part * page.run.lattice.shape[loadAxis(page.scene).axis])), chosen: 1 };
 
 /** The cuts of both answers at this generation, from one end of the axis to the other. */
@@ -30,7 +30,7 @@ function paintBars(page, view, cuts, box, upright) {
   const { ctx, u } = view, { inks, t } = page, { rows, chosen } = placed(page), known = cuts.flatMap((cut) => [cut.carried, cut.elastic, cut.needed]).filter((v) => !Number.isNaN(v));
   const high = Math.max(...known, 1e-300), low = Math.min(0, ...known), from = upright ? box.x : box.y, long = upright ? box.w - NUMBERS : box.h, F = (v) => from + long * (v - low) / (high - low);
   const P = (at) => (upright ? view.y0 - u * at : view.x0 + u * at), point = (v, at) => (upright ? [F(v), P(at)] : [P(at), F(v)]);
-  const [first, last] = [cuts[0].at, cuts.at(-1).at + 1], digits = Math.max(0, Math.min(12, 3 - Math.floor(Math.log10(high)))), [factor, prefix] = prefixOf(high, "N");
+  const [first, last] = [cuts[0].at, cuts.at(-1).at + 1], [factor, prefix] = prefixOf(high, "N"), by = Math.max(1, factor), digits = Math.max(0, Math.min(12, 3 - Math.floor(Math.log10(high / by))));
   ctx.lineWidth = 1; ctx.font = FONT; ctx.fillStyle = inks.soft; ctx.strokeStyle = inks.hair;
   for (const v of ticksOf(low, high, upright && box.w > 190 ? 4 : 2)) {
     ctx.beginPath(); ctx.moveTo(...point(v, first)); ctx.lineTo(...point(v, last)); ctx.stroke();
@@ -55,7 +55,7 @@ function paintBars(page, view, cuts, box, upright) {
     paintWord(ctx, upright ? "↕" : "↔", hx, hy, inks.ink, { ...inks, paper: "transparent" }, { align: "center" });
   });
   // Beside small rows only those of the lines have room for their number.
-  if (upright) for (const { at, carried } of cuts) if (u >= 13 || rows.includes(at)) paintWord(ctx, Math.abs(carried) < SAME * high ? "0" : local(carried.toFixed(digits)), box.x + box.w, P(at + 0.5), inks.ink, inks, { align: "right" });
+  if (upright) for (const { at, carried } of cuts) if (u >= 13 || rows.includes(at)) paintWord(ctx, Math.abs(carried) < SAME * high ? "0" : local((carried / by).toFixed(digits)), box.x + box.w, P(at + 0.5), inks.ink, inks, { align: "right" });
   if (!page.elastic.answer) paintWord(ctx, page.elastic.why ? t("noAnswer", { why: page.elastic.why }) : t("solving"), upright ? box.x : view.x0, upright ? P(first) + 16 : box.y + box.h + 14, inks.elastic, inks);
 }
 

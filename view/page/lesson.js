@@ -45,7 +45,7 @@ export class Lesson {
   }
   answered(q) { return !this.missing(q).length; }
   /** Whether a guess has been made; of cells a part is enough for who was told what is open, or has seen what happened. */
-  guessed(q) { return this.answered(q) || (q.kind === "cells" && this.begun(q) && (this.asked === q || q.key in this.firsts)); }
+  guessed(q) { return this.answered(q) || (q.kind === "cells" && this.begun(q) && ((this.asked === q && this.page.past.gesture > this.askedIn) || q.key in this.firsts)); }   // a slider that is drawn on does not ask again
   begun(q) { return Object.keys(this.guesses[q.key] ?? {}).length > 0; }
   /** Whether a guess in words or numbers stays as it is: more has been seen since. */
   get fixed() { const { question: q, done, teacher } = this; return !teacher && q.step === "predict" && q.kind !== "cells" && done.includes("predict"); }
@@ -71,7 +71,7 @@ export class Lesson {
   /** Say what is still to be answered, beside the field that waits. */
   ask(word = this.begun(this.question) ? "stillOpen" : "answerFirst") {
     const { page, saved, question: q } = this, fields = [...page.root.querySelectorAll("aside .question ~ textarea, aside .question ~ .fields .field")];
-    if (word === "stillOpen") this.asked = q;
+    if (word === "stillOpen") Object.assign(this, { asked: q, askedIn: page.past.gesture });
     Object.assign(saved, { textContent: page.t(word === "answerFirst" && mayDraw(q) ? "drawOrSay" : word, { x: this.missing(q).join(" · ") }), className: "saved bad" }).scrollIntoView({ block: "nearest" });
     if (q.kind !== "cells") fields.find(({ value }) => !value.trim())?.focus({ preventScroll: true });
   }

@@ -254,7 +254,7 @@ class BodyResult(OnCells, Result):
     def _carrying(self, axis: int) -> Carrying:
         """Return the parts of the body that carry anything, for cuts across an axis."""
         raise ResultError(
-            f"cuts: a {type(self).__name__} has not all stresses at once; cut a result of solve"
+            f"cuts: {type(self).__name__} has not all stresses at once; cut a result of solve"
         )
 
 

@@ -441,7 +441,7 @@ def _everything(result: Any) -> Row:
     figures = dict(each for key, value in table if key not in others for each in _flat(key, value))
     if not figures:
         raise ParameterError(
-            f"measure: a {type(result).__name__} has no figures of its own; "
+            f"measure: {type(result).__name__} has no figures of its own; "
             "say what to measure by a function of it"
         )
     return figures

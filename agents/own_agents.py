@@ -178,14 +178,14 @@ class OwnAgents:
     def emissions(self, agent: MaterialAgent, sent: Any) -> list[Any]:
         """Return the emissions that an agent answers; refuse anything else."""
         checked: list[Any] = []
-        no_emission = "returned {}, which is no Emission; return a list of rows (arm, direction, "
-        no_emission += "share, sense), or [] to pass nothing on"
         rows = sent if hasattr(sent, "__iter__") else [sent]
         for row in islice(rows, MOST_EMISSIONS + 1):  # what a generator raises is the agent's own
             try:
                 arm, direction, share, sense = row
             except (TypeError, ValueError):
-                raise self.wrong(agent, "emissions", no_emission.format(brief(row))) from None
+                told = f"returned {brief(sent)}: {brief(row)} is no row (arm, direction, share, "
+                told += "sense); return a list of such rows, or [] to pass nothing on"
+                raise self.wrong(agent, "emissions", told) from None
             parts = {"arm": arm, "direction": direction, "sense": sense, "share": share}
             self._check_fit(agent, "emissions", row, parts)
             checked.append((int(arm), int(direction), share, sense))  # True would mask an array

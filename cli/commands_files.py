@@ -23,7 +23,7 @@ Language = StrEnum("Language", "en de ja")
 
 
 def check(scene: SceneFile, settings: Settings = None, as_json: Json = False) -> None:
-    """Find mistakes in a scene; with a [rule], say whether its loads will end (exit code 1: no).
+    """Find mistakes in a scene; if it has a rule, say whether loads will end (exit code 1: no).
 
     Scenes without one, or with the elastic one, are solved: within true outlines roughly, others on
     their cells.

@@ -37,7 +37,15 @@ from kaju.model.elastic.pair.loop import PairLoop
 from kaju.model.elastic.posed_body import PosedBody
 from kaju.model.results.cuts import Carrying, Cuts
 from kaju.model.results.mesh import corner_order, write_vtk
-from kaju.model.results.result import BALANCE, ROUNDING, BodyResult, Check, finite, in_columns
+from kaju.model.results.result import (
+    BALANCE,
+    ROUNDING,
+    BodyResult,
+    Check,
+    Named,
+    finite,
+    in_columns,
+)
 from kaju.model.scene import Scene
 from kaju.model.solid.solid_agents import SolidAgents
 from kaju.stepping import interrupt_requested
@@ -171,7 +179,7 @@ class ElasticResult(BodyResult):
     def reactions(self) -> dict[str, Floats]:
         """Force (N) of each support on the body: sides, "rigid" cells inside, rigid regions."""
         unit, d = self.found.scales.force, self.scene.lattice.dimension
-        return {name: unit * borne[:d] for name, borne in self._borne.items()}
+        return Named("reactions", {name: unit * b[:d] for name, b in self._borne.items()})
 
     @cached_property
     def couples(self) -> dict[str, Any]:
@@ -182,7 +190,8 @@ class ElasticResult(BodyResult):
         unit, lattice = self.found.scales.force * self.found.scales.length, self.scene.lattice
         d, least = lattice.dimension, ROUNDING * self._forces * max(lattice.extent)
         found = {name: unit * borne[d:] for name, borne in self._borne.items()}
-        return {name: plain(c * (np.abs(c) > least) + 0.0) for name, c in found.items()}
+        told = {name: plain(c * (np.abs(c) > least) + 0.0) for name, c in found.items()}
+        return Named("couples", told)
 
     @cached_property
     def _borne(self) -> dict[str, Floats]:

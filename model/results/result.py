@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from kaju.arrays import Flags, Floats, Ints, points_in
-from kaju.errors import ResultError
+from kaju.errors import ResultError, suggestion
 from kaju.model.scene import Scene, body_cells
 from kaju.result_kinds import KINDS, NOTEBOOK, fetch
 
@@ -21,6 +21,18 @@ from .cuts import Carrying, Cuts, axis_of_cuts, cuts_of
 
 if TYPE_CHECKING:
     import pandas
+
+
+class Named(dict[str, Any]):
+    """What has names; to ask for one that is not there is a `ResultError` that tells the others."""
+
+    def __init__(self, what: str, of: Mapping[str, Any], none: str = "none") -> None:
+        super().__init__(of)
+        self.what, self.none = what, none
+
+    def __missing__(self, name: object) -> Any:
+        near, known = suggestion(str(name), self), ", ".join(self) or self.none
+        raise ResultError(f"{self.what}: there is no {name!r}{near}; there is {known}")
 
 
 @dataclass(frozen=True, eq=False)

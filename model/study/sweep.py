@@ -137,6 +137,10 @@ def sweep(
         told = f"{name}: must be a function or the class of a model, got {errors.brief(given)}"
         require(callable(given) or isinstance(given, Scene), told)
     points = points_of(vary, method, samples, _whole("seed", seed, 0))
+    options = [key for key in points[0] if key.startswith("run.") and key != "run.rng"]
+    cure = "as functools.partial(kaju.LoadModel, material_agent=Mine), or kaju.solve"
+    told = f"{''.join(options[:1])}: is an option of run=; give one that takes it, {cure}"
+    require(run is not by_its_kind or not options, told)
     runs = SweepRun(subject, run, _checked(measure), seed)
     with needing("sweep: joblib hands out its runs, which a browser's Python has not"):
         import joblib

@@ -10,7 +10,7 @@ from operator import attrgetter
 from time import perf_counter
 from typing import Any, Literal
 
-from kaju._mesa import Model
+from kaju._mesa import AgentSet, Model
 from kaju.agents.boundary_agent import BoundaryAgent
 from kaju.agents.material_agent import MaterialAgent
 from kaju.agents.own_agents import every_name, noting_agents, own_classes
@@ -256,9 +256,10 @@ class LoadModel(SteppedModel):
 
     @property
     def agents_by_type(self) -> Any:
-        """The agents that are awake, a Mesa AgentSet for each class."""
-        self._objects()
-        return super().agents_by_type
+        """The agents that are awake: a Mesa AgentSet for each class, empty if none is."""
+        engine = self._objects()
+        classes = engine.material_agent, *engine.boundary_agents.values()
+        return {one: AgentSet([], random=self.random) for one in classes} | super().agents_by_type
 
     def agent_at(self, index: tuple[int, ...]) -> MaterialAgent | None:
         """Return the material agent of a cell of the scene, None if no load has woken it."""

@@ -12,9 +12,9 @@ import numpy as np
 from kaju import __version__
 from kaju.agents.rules import PrescribedRule
 from kaju.arrays import Floats, Ints
-from kaju.errors import ResultError, suggestion
+from kaju.errors import ResultError
 from kaju.model.results.cuts import Carrying
-from kaju.model.results.result import BOOKS, BodyResult, Check, idle_rheology, in_columns
+from kaju.model.results.result import BOOKS, BodyResult, Check, Named, idle_rheology, in_columns
 from kaju.model.scene import Scene
 from kaju.model.scene.cell_types import AIR, INSIDE, RIGID, ROLLER
 from kaju.model.stepper import not_balanced
@@ -22,7 +22,7 @@ from kaju.model.stepper import not_balanced
 from .deformation import AxialStrain, DisplacementField, axial_strain
 from .stability import Certificate
 from .stage import Stage, StateCourse
-from .transfer import pulls, split_force
+from .transfer import BOUNDARY_NAMES, pulls, split_force
 
 if TYPE_CHECKING:
     import pandas
@@ -32,14 +32,6 @@ NO_EQUILIBRIUM = (
     "the prescribed rule keeps no equilibrium: it shows how a pattern emerges; the body's "
     "own displacements and stresses come from `kaju solve`, or with rule.kind = elastic"
 )
-
-
-class States(dict[str, StateCourse]):
-    """States of agents by name."""
-
-    def __missing__(self, name: str) -> StateCourse:
-        known = ", ".join(self) or "none: declare it as a kaju.State"
-        raise ResultError(f"states: there is no {name!r}{suggestion(name, self)}; there is {known}")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -114,7 +106,8 @@ class TransferResult(BodyResult):
     @cached_property
     def states(self) -> dict[str, StateCourse]:
         """The states (`kaju.State`) of the agents of the last stage, by name."""
-        return States({course.name: course for course in self.last.states})
+        states = {course.name: course for course in self.last.states}
+        return Named("states", states, "none: declare it as a kaju.State")
 
     @property
     def focus(self) -> Ints:
@@ -147,10 +140,10 @@ class TransferResult(BodyResult):
         across = np.eye(lattice.dimension)[beyond // 2]
         force = np.where((stage.boundary_kind == ROLLER)[:, None], force * across, force)
         named = (*lattice.sides, INSIDE)
-        return {
-            named[side]: force[(beyond == side) & (stage.boundary_kind != AIR)].sum(axis=0)
-            for side in np.unique(beyond[stage.boundary_kind != AIR]).tolist()
-        }
+        held = stage.boundary_kind != AIR
+        sides = np.unique(beyond[held]).tolist()
+        found = {named[side]: force[held & (beyond == side)].sum(axis=0) for side in sides}
+        return Named("reactions", found, "none: no load reached a support")
 
     @property
     def outcome(self) -> str:
@@ -187,6 +180,11 @@ class TransferResult(BodyResult):
             if len(self.stages) > 1:
                 said = f"in {len(off)} of {len(self.stages)} steps, of which the worst {said}"
             found.append(("loads are not accounted for", said))
+        walls = {BOUNDARY_NAMES[kind] for kind in np.unique(self.last.boundary_kind).tolist()}
+        for name in self.own_boundaries.keys() - walls:
+            told, own = f"no load reached a {name} boundary", self.own_boundaries[name]
+            cure = "a lower threshold lets loads go on"
+            found.append((told, f"{told}: no {own} acted; {cure}"))
         found += [("materials do not creep here", note) for note in idle_rheology(self.scene)]
         rule = self.scene.rule
         if isinstance(rule, PrescribedRule) and not rule.sense:
@@ -296,7 +294,11 @@ class TransferResult(BodyResult):
         }
 
     def to_dataframe(self) -> pandas.DataFrame:
-        """Return one row per material agent, as it is at the end of the run."""
+        """Return one row per material agent, as it is at the end of the run.
+
+        `dropped (N)` is what the agent sent out too small; the ledger counts also what ended as
+        boundaries gave it back, where loads were added up, or as it was applied.
+        """
         import pandas
 
         stage, lattice = self.last, self.scene.lattice

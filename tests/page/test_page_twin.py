@@ -26,7 +26,7 @@ tell(data.map(({ scene, cells, stage }) => {
   const dropped = at(t.dropped, L.size);
   return { generations: t.generation, keys, spawn: pick(t.spawn, 1), woken: pick(t.woken, 1),
     taken: pick(taken, C), passed: pick(at(t.passed, L.size * L.D), L.D), dropped: pick(dropped, 1),
-    walls, rows, pending: t.pending, quiet: t.quiet, ends: t.ends.reduce((a, b) => a + b, 0),
+    walls, rows, pending: t.pending, quiet: t.quiet, ends: t.ended.at(-1) ?? 0,
     displacement: moved.displacement.map((u) => pick(u, 1)),
     pressure: moved.pressure.map((p) => pick(p, 1)),
     alive: t.alive.at(-1) ?? 0, certificate: last(certifying(scene, cells)) };

@@ -117,6 +117,7 @@ UNEVEN = {"rule.beta": [1], "rule.threshold": [1, 2]}
         ((SCENE, BETA), {"method": "sobol", "samples": 100}, ValueError, "take 64 or 128"),
         ((SCENE, UNEVEN), {"method": "list"}, ValueError, "'rule.beta': 1, 'rule.threshold': 2"),
         ((SCENE, {"rule.beta": [1]}, 3), {}, ValueError, "measure: must be a name"),
+        ((SCENE, {"run.rate": [1]}), {}, ValueError, "run.rate: .* material_agent=Mine"),
         ((SCENE, {"run.thresold": [1]}), {"run": LoadModel}, ValueError, "mean 'threshold'"),
         ((SCENE, {"run.luck": [1, 2]}), {"run": OnlyAhead}, ValueError, "material_agent=OnlyAhead"),
         ((SCENE, BETA), {"run": 3}, ValueError, "run: must be a function or the class of a model"),

@@ -81,6 +81,7 @@ REFUSED = {
     "attribute misspelt": after_take(lambda self, load: setattr(self, "squezed", 1.0)),
     "state misspelt": material(broke=State(0), take=lambda self, load: setattr(self, "broken", 1)),
     "emissions None": material(emissions=lambda self, load: None),
+    "emissions one row": material(emissions=lambda self, load: AHEAD),
     "emissions without end": material(emissions=lambda self, load: repeat(AHEAD)),
     "hands NaN": hands(0, Load(0, nan)),
     "hands below 0": hands(0, Load(0, -1.0)),
@@ -139,7 +140,8 @@ def test_what_is_no_answer_is_refused_by_name(kind):
     with pytest.raises(KajuError) as told:
         run(REFUSED[kind])
     names = {"boundary_agents": "Wall", "order": "order", "face_agent": "Face"}
-    name = {"steps its model": "step:", "hands over for nobody": "hand_over:"}.get(kind)
+    name = {"steps its model": "step:", "hands over for nobody": "hand_over:"}
+    name = (name | {"emissions one row": "return a list of such rows"}).get(kind)
     part = kind.partition(" ")[0]
     assert part not in ("arm", "direction", "share", "sense") or f"wrong: {part}" in str(told.value)
     assert (name or names.get(next(iter(REFUSED[kind])), "Mine")) in str(told.value)

@@ -7,7 +7,7 @@ from transfer_answers import ENGINES
 
 from kaju import ElasticRule, FreeBoundaryAgent, LoadModel, MaterialAgent, PrescribedRule, Shares
 from kaju.agents.shares import Load
-from kaju.errors import AgentError, ParameterError
+from kaju.errors import AgentError, ParameterError, ResultError
 from kaju.view.plots import plot
 
 
@@ -32,8 +32,8 @@ def test_of_own_agents_nothing_is_known_and_growth_is_watched():
     assert "allow_unstable=True" in stage.outcome
     assert 1e3 < stage.ledger.pending < 2e3
     assert stage.ledger.imbalance < 1e-12
-    further = LoadModel(column(), material_agent=Growing, allow_unstable=True).run()
-    assert further.last.ledger.pending > 1e12
+    further = LoadModel(column(), material_agent=Growing, allow_unstable=True)
+    assert further.run().last.ledger.pending > 1e12
 
 
 def test_a_class_is_given_and_not_an_agent():
@@ -64,13 +64,18 @@ def test_a_boundary_that_absorbs(accumulate):
     stage = result.last
     assert model.figures()["load_absorbed"] == stage.ledger.absorbed > 0.0
     assert stage.ledger.imbalance < 1e-12
-    felt = [agent for agent in model.agents if isinstance(agent, Felt)]
+    felt = model.agents_by_type[Felt]
     assert stage.ledger.absorbed == pytest.approx(sum(agent.kept for agent in felt))
     entries = plot(result).axes[0].get_legend().get_texts()
     assert "Felt: free boundary agent of your own" in [entry.get_text() for entry in entries]
     for agent in felt:
         assert sum(agent.taken.values()) == pytest.approx(agent.returned + agent.kept)
     assert not model.certificate.known
+    idle = LoadModel(scene, boundary_agents={"roller": Felt})
+    assert "roller boundary: no Felt acted" in idle.run().notes[1]
+    assert len(idle.agents_by_type[Felt]) == 0
+    with pytest.raises(ResultError, match="no load reached a support"):
+        idle.result().reactions["botom"]
 
 
 def test_an_order_of_ones_own():

@@ -6,10 +6,11 @@ import { general, local, prefixOf, quantity } from "./words.js";
 /** The curves of a run: [word, unit, lists, names of the lists]. */
 export function curvesOf(run) {
   const { offset, value } = run.taken, largest = Array.from({ length: run.generation }, (_, g) => value.subarray(offset[g], offset[g + 1]).reduce((top, load) => Math.max(top, load), 0));
-  const summed = (list) => { let sum = 0; return Array.from(list, (load) => (sum += load)); }, ended = summed(run.ends ?? []), taken = summed(run.waits);
+  let sum = 0;
+  const taken = Array.from(run.waits, (load) => (sum += load));
   const curves = [["agents", "", [run.alive], []], ["onTheWay", "N", [run.waits], []], ["largest", "N", [largest], []]];
   if (run.absorbed) curves.push(["absorbedInAll", "N", [run.absorbed], []]);
-  return [...curves, [run.ends ? "ledger" : "takenInAll", "N", ended.length ? [taken, ended] : [taken], ["takenInAll", "endedInAll"]]];
+  return [...curves, [run.ended ? "ledger" : "takenInAll", "N", run.ended ? [taken, run.ended] : [taken], ["takenInAll", "endedInAll"]]];
 }
 
 const LEFT = 40, RIGHT = 10, FOOT = 18, LINE = 14;

@@ -143,7 +143,6 @@ class Account:
         self._last: dict[str, Floats] = {}
         self._rows: dict[str, list[tuple[Ints, Ints, Floats]]] = {}
         self._returns = True
-        self.absorbed: list[float] = []  # by boundaries, in all (N)
 
     def note(self, generation: int, totals: Totals | Stage, returned: float) -> None:
         """Note what was done since the last time, when boundaries have returned so much (N)."""

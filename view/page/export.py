@@ -216,7 +216,7 @@ def packed_page(
             "verdict": verdict,
             "late": account is None,
             "walls": {k: shown.own_boundaries.get(n, "") for k, n in BOUNDARY_NAMES.items()},
-            "absorbed": account.absorbed if account and last.ledger.absorbed else None,
+            **(_ended(of, last.generations) if isinstance(of, LoadModel) else {}),
             "states": [[s.name, s.meaning, isinstance(s.default, bool)] for s in last.states],
         }
         history = history_columns(scene, last, account)
@@ -275,12 +275,22 @@ def _watched(model: LoadModel) -> tuple[TransferResult, Account]:
             account = Account(model.scene)
         if model.generation:
             account.note(model.generation, model.engine.totals(), model.engine.returned)
-            account.absorbed.append(model.engine.absorbed)
         return False
 
     result = model.run(until=note)
     note(model)
     return result, account
+
+
+def _ended(model: LoadModel, generations: int) -> dict[str, list[float]]:
+    """Return loads (N) that ended by each generation of the last stage, and that were absorbed.
+
+    A collector of one's own has no such figures.
+    """
+    noted = model.datacollector.model_vars
+    names = {"ended": "load_dropped", "absorbed": "load_absorbed"}
+    found = {key: noted.get(name, [])[-generations:] for key, name in names.items()}
+    return {key: loads for key, loads in found.items() if any(loads)}
 
 
 _DONE = (

@@ -157,7 +157,7 @@ export class Twin {
     this.spawn = new Int32Array(size); this.woken = new Uint8Array(size);
     this.taken = new Log(); this.passed = new Log(); this.dropped = new Log(); this.returned = new Log();
     this.given = new Log();                    // by boundary cell
-    this.ends = []; this.alive = []; this.waits = [];
+    this.ended = []; this.alive = []; this.waits = [];
     this.post = new Post(size * C, accumulate);
     this.leaving = accumulate ? new Post(size * D * C, true) : null;
     this.sums = { passed: new Tally(size * D), dropped: new Tally(size), returned: new Tally(size), given: new Tally(size) };
@@ -176,14 +176,13 @@ export class Twin {
   step() {
     if (this.atRest) return false;
     this.generation++;
-    const quiet = this.quiet;
     this.take();
     this.post.clear(); this.leaving?.clear();
     this.emit();
     if (this.leaving) this.giveBack();
     for (const name of ["passed", "dropped", "returned", "given"]) this.sums[name].close(this[name]);
     this.arrive();
-    this.ends.push(this.quiet - quiet); this.alive.push(this.agents); this.ledger.close(this.waiting);
+    this.ended.push(this.quiet); this.alive.push(this.agents); this.ledger.close(this.waiting);
     return true;
   }
   take() {                                     // sums by cell and channel

@@ -42,7 +42,7 @@ MEANINGS = {
     "error_bound": "a share, in the energy norm; the true error is not larger",
     "error_estimate": "a share, in the energy norm: 0.05 is 5 %",
     "free_boundary_agents": "in the air, which hands loads back as they came",
-    "generations": "rounds in which agents acted; of spawning pages count the first as 0",
+    "generations": "rounds in which agents acted; if they spawned, pages call the first one 0",
     "grey": "0: every cell is full or empty; 1: all are half full",
     "largest_change": "of a density, in the last step",
     "largest_hoop_stress_Pa": "the largest by amount along that outline; below 0 it is pressed",

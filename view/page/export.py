@@ -89,7 +89,8 @@ def export_page(
     ----------
     of : Scene, Result, model or path
         What to show. A model that has not come to rest is run to its end, a scene with an
-        elastic rule by `ElasticModel`.
+        elastic rule by `ElasticModel`. Of agents of your own give the model, best before it runs:
+        a result does not know their source, nor what they did in each generation.
     path : path
         The file to write, ending in ``.html``.
     title, text : str or mapping of str to str, optional

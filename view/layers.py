@@ -47,16 +47,12 @@ def layer_of(result: ElasticResult, cut: Cut = None, crop: bool | None = None) -
         within = {"xyz"[axis]: place}
     crop = hidden if crop is None else crop
     section = section_of(scene, cells, within, crop, caveats=result.caveats_in_brief)
-    return replace(section, place=place, tiled=False, curves=_curves_of(result))
-
-
-def _curves_of(result: ElasticResult) -> TrueLines | None:
-    """Return the true outlines of a plane body, if it has any."""
     if (found := result.cut_agents) is None:
-        return None
+        return replace(section, place=place, tiled=False)
     lines = found.opinions.along if len(result.scene.cell_materials) > 1 else [np.empty((0, 2, 2))]
     joints = found.ground.edge * np.concatenate(lines)
-    return TrueLines(rings_of(found), joints, arrows_of(found), result.scene)
+    curves = TrueLines(rings_of(found), joints, arrows_of(found), result.scene)
+    return replace(section, place=place, tiled=False, curves=curves)
 
 
 def rings_of(found: CutAgents) -> list[tuple[Floats, Floats]]:

@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from kaju.agents.materials import Material
 from kaju.arrays import Flags, Floats, Ints
 from kaju.errors import SceneError
 from kaju.model.scene import Scene, cell_types
@@ -43,8 +42,13 @@ def hexagon_body(scene: Scene) -> SpringNetwork:
     number = np.full(np.array(lattice.shape) + 2, -1)
     number[tuple((cells + 1).T)] = np.arange(len(cells))
     kind = scene.kinds(cells)
-    stiffness = np.array([_spring_stiffness(m, scene) for m in scene.cell_materials])[kind]
-    inner = _springs_between(scene, cells, number)
+    strain, materials = scene.plane == "strain", scene.cell_materials
+    moduli = [m.youngs_modulus / (1.0 - strain * m.poissons_ratio**2) for m in materials]
+    # K of a spring between two cells of a material (N/m).
+    stiffness = (np.sqrt(3.0) / 2.0 * np.array(moduli) * scene.thickness)[kind]
+    near = [number[tuple((lattice.neighbours(cells, arm) + 1).T)] for arm in lattice.axes.tolist()]
+    between = [np.stack([np.arange(len(cells)), one], axis=1)[one >= 0] for one in near]
+    inner = np.concatenate(between)  # springs between cells that share a face
     first, second = stiffness[inner.T]
     beside, arm, given, across = _contacts(scene, cells)
     nodes = len(cells) + len(beside)
@@ -69,24 +73,6 @@ def hexagon_body(scene: Scene) -> SpringNetwork:
         names=names,
         notes=_notes(scene),
     )
-
-
-def _spring_stiffness(material: Material, scene: Scene) -> float:
-    """K of a spring between two cells of a material (N/m)."""
-    modulus = material.youngs_modulus
-    if scene.plane == "strain":
-        modulus /= 1.0 - material.poissons_ratio**2
-    return float(np.sqrt(3.0) / 2.0 * modulus * scene.thickness)
-
-
-def _springs_between(scene: Scene, cells: Cells, number: Ints) -> Ints:
-    """Return springs between cells that share a face."""
-    pairs = []
-    for arm in scene.lattice.axes.tolist():
-        beside = number[tuple((scene.lattice.neighbours(cells, arm) + 1).T)]
-        there = np.flatnonzero(beside >= 0)
-        pairs.append(np.stack([there, beside[there]], axis=1))
-    return np.concatenate(pairs)
 
 
 def _contacts(scene: Scene, cells: Cells) -> tuple[Ints, Ints, Floats, Flags]:

@@ -85,7 +85,9 @@ def jittered(
     inner = (row > 0) & (row < rows - 1) & (place > 0) & (place < last)
     shift = np.random.default_rng(seed).uniform(-jitter, jitter, positions.shape)
     positions += spacing * inner[:, None] * shift
-    springs = _delaunay(positions)
+    corners = Delaunay(positions).simplices.astype(np.int64)
+    edges = _pairs(corners[:, [0, 0, 1]], corners[:, [1, 2, 2]])
+    springs = np.unique(np.sort(edges, axis=1), axis=0)
     length = np.linalg.norm(np.diff(positions[springs], axis=1)[:, 0], axis=1)
     ends = (place == 0) | (place == last)
     share = np.where(ends, 0.5, 1.0)
@@ -172,14 +174,6 @@ def _triangular_springs(row: Ints, place: Ints) -> Springs:
     ends = [number[row, place + 1], upper_left, number[row + 1, left + 1]]
     every = np.concatenate([_pairs(np.arange(len(row)), end) for end in ends])
     return every[every[:, 1] >= 0]
-
-
-def _delaunay(positions: Floats) -> Springs:
-    """Return the edges of a Delaunay triangulation, each once."""
-    corners = Delaunay(positions).simplices.astype(np.int64)
-    first, second = np.triu_indices(positions.shape[1] + 1, 1)
-    edges = _pairs(corners[:, first], corners[:, second])
-    return np.unique(np.sort(edges, axis=1), axis=0)
 
 
 def _pairs(first: Ints, second: Ints) -> Springs:

@@ -76,7 +76,7 @@ def test_what_is_overridden_is_recorded_and_named(name):
     assert (name in ("Absorbing", "Ice")) == ("absorbed" in header)
     agents = len(model.run().last.cells)
     again, ended = header_of(packed_page(model)), model.datacollector.model_vars["load_dropped"]
-    assert header.get("ended") == again.get("ended") == (ended if any(ended) else None)
+    assert header.get("dropped") == again.get("dropped") == (ended if any(ended) else None)
     assert header.get("absorbed") == again.get("absorbed")
     assert header["verdict"] == f"{model.outcome}, {agents} agents" or model.certificate.known
     # A result does not know its classes; what they did tells them from the rule's own.

@@ -26,7 +26,6 @@ from kaju.result_kinds import KINDS, fetch
 from kaju.view.body_plots import SUPPORTS
 from kaju.view.films import evenly
 from kaju.view.motion import MOST_FRAMES, Motion
-from kaju.view.section import Arrows
 
 _SENSES = {PUSH: "push", PULL: "pull", BY_SIDE: "side", BY_SURFACE: "surface"}
 Columns = dict[str, NDArray[Any]]
@@ -68,24 +67,20 @@ def scene_data(scene: Scene) -> tuple[dict[str, Any], Columns]:
         )
     told = ("name", "youngs_modulus", "poissons_ratio", "density")
     shape = {"kind": lattice.kind, "shape": list(lattice.shape), "cell_size": lattice.cell_size}
+    rule, shares = scene.rule, dict[str, Any]()
+    if isinstance(rule, PrescribedRule):
+        shares = asdict(replace(rule, materials=dict(rule.materials)))
     data = {
         "lattice": shape,
         "thickness": scene.thickness,
         "plane": scene.plane,
         "materials": [{key: getattr(m, key) for key in told} for m in scene.cell_materials],
         "sides": {side: scene.side_condition(side).to_value() for side in lattice.sides},
-        "rule": _rule(scene),
+        "rule": {"kind": rule.kind} | shares,
         "stages": scene.stages,
         "loads": _loads(scene),
     }
     return data, {"cells": scene.rasterise()}
-
-
-def _rule(scene: Scene) -> dict[str, Any]:
-    rule = scene.rule
-    if not isinstance(rule, PrescribedRule):
-        return {"kind": rule.kind}
-    return {"kind": rule.kind, **asdict(replace(rule, materials=dict(rule.materials)))}
 
 
 def _loads(scene: Scene) -> list[dict[str, Any]]:
@@ -266,6 +261,11 @@ def motion_data(result: Result) -> tuple[dict[str, Any], Columns]:
     scene = getattr(result, "scene", getattr(result, "subject", None))
     if isinstance(scene, Scene) and scene.outlined:
         scene = solved_scene(result)
+    forces = []
+    if arrows := motion.forces:
+        wide = np.broadcast_to(arrows.wide, len(arrows.force))
+        rows = zip(arrows.place.tolist(), arrows.force.tolist(), wide.tolist(), strict=True)
+        forces = [dict(zip(("place", "force", "wide"), row, strict=True)) for row in rows]
     header = {
         "dimension": motion.points.shape[1],
         "corners": motion.parts.shape[1],
@@ -273,7 +273,7 @@ def motion_data(result: Result) -> tuple[dict[str, Any], Columns]:
         "along": motion.along,
         "colours": {name: unit for name, (unit, _) in motion.values.items()},
         "curves": [_curve_data(curves) for curves in motion.curves],
-        "forces": _forces_data(motion.forces) if motion.forces else [],
+        "forces": forces,
         "shares": [] if motion.shares is None else np.round(motion.shares, 9).tolist(),
         "visits": list(motion.visits),
         "outcome": motion.outcome,
@@ -296,12 +296,6 @@ def _thinned(motion: Motion) -> Motion:
     moved = None if motion.moved is None else motion.moved[rows]
     shares = None if motion.shares is None else motion.shares[rows]
     return replace(motion, at=at, values=values, moved=moved, shares=shares)
-
-
-def _forces_data(arrows: Arrows) -> list[dict[str, Any]]:
-    wide = np.broadcast_to(arrows.wide, len(arrows.force))
-    rows = zip(arrows.place.tolist(), arrows.force.tolist(), wide.tolist(), strict=True)
-    return [{"place": place, "force": force, "wide": spread} for place, force, spread in rows]
 
 
 def _curve_data(curves: Curves) -> dict[str, Any]:

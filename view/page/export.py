@@ -217,9 +217,13 @@ def packed_page(
             "verdict": verdict,
             "late": account is None,
             "walls": {k: shown.own_boundaries.get(n, "") for k, n in BOUNDARY_NAMES.items()},
-            **(_ended(of, last.generations) if isinstance(of, LoadModel) else {}),
             "states": [[s.name, s.meaning, isinstance(s.default, bool)] for s in last.states],
         }
+        # What a model noted after each generation; a collector of one's own has no such figures.
+        noted = of.datacollector.model_vars if isinstance(of, LoadModel) else {}
+        for name in ("dropped", "absorbed"):
+            loads = noted.get(f"load_{name}", [])[-last.generations :]
+            header |= {name: loads} if any(loads) else {}
         history = history_columns(scene, last, account)
         for name, column in history.items():
             small = column.dtype == np.float64 and not exact
@@ -281,17 +285,6 @@ def _watched(model: LoadModel) -> tuple[TransferResult, Account]:
     result = model.run(until=note)
     note(model)
     return result, account
-
-
-def _ended(model: LoadModel, generations: int) -> dict[str, list[float]]:
-    """Return loads (N) that ended by each generation of the last stage, and that were absorbed.
-
-    A collector of one's own has no such figures.
-    """
-    noted = model.datacollector.model_vars
-    names = {"ended": "load_dropped", "absorbed": "load_absorbed"}
-    found = {key: noted.get(name, [])[-generations:] for key, name in names.items()}
-    return {key: loads for key, loads in found.items() if any(loads)}
 
 
 _DONE = (

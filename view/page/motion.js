@@ -292,7 +292,7 @@ export async function openPage(element, base64) {
   const { cells } = columns;
   if (header.python) header.python.blob = new TextDecoder().decode(await through(bytesOf(document.getElementById("kaju-python").textContent), new DecompressionStream("deflate")));
   if (header.kind === "pictures") return new MotionPage(element, { ...header, columns });
-  const run = columns.offset ? Object.assign(new Recorded(header.scene, cells), { late: header.late, states: header.states, absorbed: header.absorbed, ended: header.ended, walls: header.walls ?? {} }).read(columns) : null;
+  const run = columns.offset ? Object.assign(new Recorded(header.scene, cells), { late: header.late, states: header.states, absorbed: header.absorbed, ended: header.dropped, walls: header.walls ?? {} }).read(columns) : null;
   const presets = (header.presets ?? []).map((preset, n) => ({ ...preset, cells: columns[`cells${n}`] ?? cells }));
   return new Page(element, { ...header, cells, run, presets });
 }

@@ -157,7 +157,7 @@ MISTAKES = [  # what comes before, what is written, the line, and words of the s
     (TAKE, "if self.kept = 1: pass", 7, PYTHON),
     (TAKE, "return self.kept +", 7, PYTHON),
     (TAKE, "x = 1\n          y = 2", 8, INDENT),
-    (SEND, "return None", 7, "gab None zurück; das ist keine Emission"),
+    (SEND, "return None", 7, "gab None zurück; nötig ist eine Liste"),
     (SEND, "return rows * 500", 7, "gab mehr als 1000 Emissionen"),
     (
         SEND,

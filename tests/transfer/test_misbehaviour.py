@@ -140,8 +140,7 @@ def test_what_is_no_answer_is_refused_by_name(kind):
     with pytest.raises(KajuError) as told:
         run(REFUSED[kind])
     names = {"boundary_agents": "Wall", "order": "order", "face_agent": "Face"}
-    name = {"steps its model": "step:", "hands over for nobody": "hand_over:"}
-    name = (name | {"emissions one row": "return a list of such rows"}).get(kind)
+    name = {"steps its model": "step:", "hands over for nobody": "hand_over:"}.get(kind)
     part = kind.partition(" ")[0]
     assert part not in ("arm", "direction", "share", "sense") or f"wrong: {part}" in str(told.value)
     assert (name or names.get(next(iter(REFUSED[kind])), "Mine")) in str(told.value)

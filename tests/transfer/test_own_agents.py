@@ -60,13 +60,12 @@ class Felt(FreeBoundaryAgent):
 def test_a_boundary_that_absorbs(accumulate):
     scene = column(alpha=(0.5, 0.6, 0.1), accumulate=accumulate)
     model = LoadModel(scene, boundary_agents={"free": Felt})
-    result = model.run()
-    stage = result.last
+    stage = model.run().last
     assert model.figures()["load_absorbed"] == stage.ledger.absorbed > 0.0
     assert stage.ledger.imbalance < 1e-12
     felt = model.agents_by_type[Felt]
     assert stage.ledger.absorbed == pytest.approx(sum(agent.kept for agent in felt))
-    entries = plot(result).axes[0].get_legend().get_texts()
+    entries = plot(model.result()).axes[0].get_legend().get_texts()
     assert "Felt: free boundary agent of your own" in [entry.get_text() for entry in entries]
     for agent in felt:
         assert sum(agent.taken.values()) == pytest.approx(agent.returned + agent.kept)

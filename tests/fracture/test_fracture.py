@@ -41,9 +41,7 @@ def test_three_fibres():
     assert broken.largest_load_factor == pytest.approx(4.0)
     assert broken.outcome.startswith("parted")
     told = broken.summary()
-    assert [told[f"{name}_J"] for name in ("work", "stored")] == pytest.approx(
-        [broken.work[-1], 0.0]
-    )
+    assert [told["work_J"], told["stored_J"]] == pytest.approx([broken.work[-1], 0.0])
     assert told["released_J"] == pytest.approx(told["work_J"]) == pytest.approx(9.25)
     assert (told["avalanches"], told["largest_avalanche"]) == (2, 2)
     assert (told["breaks"], told["breaks_before_the_largest_load"]) == (3, 1)

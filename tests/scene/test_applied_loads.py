@@ -113,12 +113,10 @@ def test_a_hexagon_side_has_two_faces():
     assert rows(scene.applied()) == [((i, 1), arm, (0, -0.25)) for i in range(2) for arm in (1, 2)]
 
 
-@pytest.mark.parametrize(
-    ("cell", "force", "face"), [((1, 2), (0, -1), MIDDLE), ((1, 1), (1, 0), 3)]
-)
-def test_a_force_straight_at_a_corner_of_a_hexagon_enters_in_the_middle(cell, force, face):
+@pytest.mark.parametrize(("cell", "force", "to"), [((1, 2), (0, -1), MIDDLE), ((1, 1), (1, 0), 3)])
+def test_a_force_straight_at_a_corner_of_a_hexagon_enters_in_the_middle(cell, force, to):
     scene = plate({"cell": cell, "force": force}, cells=(3, 3), lattice="hexagon")
-    assert rows(scene.applied()) == [(cell, face, force)]
+    assert rows(scene.applied()) == [(cell, to, force)]
 
 
 @pytest.mark.parametrize(

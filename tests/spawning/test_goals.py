@@ -117,6 +117,10 @@ def test_reactions_are_proved_along_ways_in_which_supports_meet_no_other():
     along, *across = solve(plate(sides=sides), tolerance=0.05, goal=asked).goals
     assert [along.no_bound, along.value] == ["", pytest.approx(2.0, abs=along.error_bound)]
     assert all("meets another" in goal.no_bound for goal in across)
+    pushed = plate(sides=sides | {"bottom": "roller"}, loads=[{"side": "left", "force": [50, 0]}])
+    answer = solve(pushed, tolerance=0.2)
+    assert answer.reactions["left"] == pytest.approx([-50.0, 0.0])
+    assert answer.couples == {"left": 0.0, "bottom": 0.0}
     between = pierced(sides=sides | {"bottom": "roller", "right": "roller"})
     coarse, fine = (solve(between, t, goal=Reaction("left")).goals[0] for t in (0.2, 0.01))
     assert coarse.value == pytest.approx(fine.value, abs=coarse.error_bound)

@@ -21,9 +21,8 @@ def plate(**changes):
     """The worked plate under 2 N over 10 mm of its top; changes of its body, or of the scene."""
     load = {"region": {"box": [[0.1, 0.2], [0.11, 0.2]]}, "force": [0.0, -2.0]}
     body = {"size": [0.2, 0.2], "cells": [20, 20], "thickness": 2e-3, **STEEL}
-    body |= {
-        key: changes.pop(key) for key in changes.keys() & {"size", "cells", "regions", "plane"}
-    }
+    own = changes.keys() & {"size", "cells", "regions", "plane"}
+    body |= {key: changes.pop(key) for key in own}
     return Scene(**{"body": body, "sides": GROUND, "loads": [load]} | changes)
 
 

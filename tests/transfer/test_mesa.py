@@ -16,7 +16,7 @@ from transfer_answers import ENGINES
 
 import kaju
 from kaju import ElasticModel, ElasticRule, FreeBoundaryAgent, LoadModel, MaterialAgent, Parameter
-from kaju.errors import ParameterError
+from kaju.errors import AgentError, ParameterError
 
 
 def plate(steps=1, rule=None, cells=20, sense=False):
@@ -38,13 +38,21 @@ def test_the_data_collector_follows_every_step(engine):
     model = LoadModel(plate(steps=3), engine=engine)
     model.run()
     table = model.datacollector.get_model_vars_dataframe()
-    assert len(table) == model.steps
+    assert (len(table), model.space is None) == (model.steps, engine == "arrays")
     assert table["stage"].tolist() == sorted(table["stage"])
     last = table.iloc[-1]
     told = model.result().summary()
     assert {name: told[name] for name in last.index[2:]} == pytest.approx(dict(last[2:]))
     assert last["load_absorbed"] == last["load_waiting"] == 0.0 < last["load_dropped"]
-    assert (model.space is None) == (engine == "arrays")
+
+
+def test_a_step_in_which_no_agent_acts_is_refused_at_once():
+    idle, late = (type("Mine", (LoadModel,), {"step": step}) for step in (
+        lambda model: None, lambda model: LoadModel.step(model) if model.steps > 1 else None
+    ))  # fmt: skip
+    with pytest.raises(AgentError, match=r"Mine.step lets no agent act; call super\(\).step"):
+        idle(plate()).run()
+    assert late(plate()).run().last.outcome.startswith("at rest")
 
 
 @ENGINES

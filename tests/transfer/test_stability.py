@@ -17,9 +17,8 @@ def test_the_plate_ends_within_eight_generations():
 
 def test_added_up_the_plate_is_refused_with_a_remedy_that_works():
     scene = Scene(**PLATE, rule=PrescribedRule(accumulate=True))
-    with pytest.raises(
-        StabilityError, match=r"grow by 15 % .*α₂ \(passed ahead\) below 0\.35 or"
-    ) as error:
+    told = r"grow by 15 % .*α₂ \(passed ahead\) below 0\.35 or"
+    with pytest.raises(StabilityError, match=told) as error:
         LoadModel(scene)
     assert "α₃ (to each side) below 0.175" in str(error.value)
     for alpha in [(0.5, 0.3499, 0.25), (0.5, 0.5, 0.1749)]:

@@ -12,12 +12,10 @@ from kaju.errors import KajuError, ParameterError, ResultError
 BLOCK = plate([4, 3], [1, 2])
 
 
-@pytest.mark.parametrize(
-    "taker", [LoadModel, kaju.ElasticModel, kaju.SpawningModel, kaju.stability]
-)
-def test_a_file_name_is_no_scene(taker):
+@pytest.mark.parametrize("of", [LoadModel, kaju.ElasticModel, kaju.SpawningModel, kaju.stability])
+def test_a_file_name_is_no_scene(of):
     with pytest.raises(ParameterError, match=r"needed, got 'plate.toml'; kaju.load_scene"):
-        taker("plate.toml")
+        of("plate.toml")
 
 
 @pytest.mark.parametrize(

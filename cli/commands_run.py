@@ -88,8 +88,8 @@ do the same. After {} generations {} cells are awake, and the run ends: all load
 """
 WATCH = """\
 Now open this page in a browser: {}
-  Press Play to watch the load come in; click a cell to see what it took, kept and passed on;
-  drag the red arrow by its ring to press elsewhere. (These shares are chosen, their forces do not
+  Press Play to watch the load come in; drag the red arrow by its ring to press elsewhere; click a
+  cell to see what it took, kept and passed on. (These shares are chosen, their forces do not
   balance: press Elasticity to see how far that is from what the plate really does.)
 The same as a film, whose colours tell when a cell woke: {}
 """

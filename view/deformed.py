@@ -238,6 +238,8 @@ def stress_text(result: ElasticResult) -> str:
         if isinstance(goal.quantity, Stress) and goal.quantity.component == HOOP:
             what, where = "hoop stress asked for, largest by amount", f" along {goal.quantity.at!r}"
         asked += f"{what}: {told}, error {100.0 * goal.relative_error:.2g} %{where}; "
+        if where:
+            return asked[:-2]
     found, along = result.largest_stress, result.largest_along()
     name = max(along, key=lambda name: abs(along[name]), default="")
     if name and abs(along[name]) > found.value:

@@ -349,7 +349,8 @@ class ElasticResult(BodyResult):
     @cached_property
     def largest_stress(self) -> LargestStress:
         """Largest equivalent stress of an agent, where it is, and whether it has a limit."""
-        agent = first_largest(self.von_mises)
+        # of agents with hardly any body the mean tells little
+        agent = first_largest(self.von_mises * (self.area > 0.01 * self.size**2))
         place = tuple(self.place_in(agent).tolist())
         return LargestStress(float(self.von_mises[agent]), place, no_limit(self, agent))
 
@@ -529,8 +530,8 @@ class ElasticResult(BodyResult):
             figures["goal_error"] = finite(self.goal_error)
             figures["goals"] = [goal.figures() for goal in self.goals]
         if self.spawned:
-            bounds = {"error_bound": finite(self.error_bound), "energy_bounds": self.energy_bounds}
-            figures |= bounds
+            figures["error_bound"] = finite(self.error_bound)
+            figures["energy_bounds"] = self.energy_bounds
         figures |= {"generations": max(len(self.generations), 1), "notes": list(self.notes)}
         return figures | {"seconds": self.seconds, "kaju_version": __version__}
 

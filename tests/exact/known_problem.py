@@ -131,16 +131,14 @@ class KnownProblem(ABC):
 
     def solve(self, resolution, tolerance=1e-10):
         """Return the solver's answer at a resolution."""
-        scene, start = self.scene(resolution), perf_counter()
+        scene, t0 = self.scene(resolution), perf_counter()
         if not self.given_sides:
             return solve_cells(scene, tolerance=tolerance)
         problem, origin = problem_of_scene(scene)
         sides = [scene.lattice.sides.index(side) for side in self.given_sides]
         problem = replace(problem, fixed=given_faces(problem, sides, self.exact_displacement))
         solution, posed = solve_problem(problem, tolerance), Grid(scene, problem, origin, 1)
-        return ElasticResult(
-            CellAgents(scene, None, 1, solution, known=posed), perf_counter() - start
-        )
+        return ElasticResult(CellAgents(scene, None, 1, solution, known=posed), perf_counter() - t0)
 
     def error(self, result, of="displacement"):
         """Return the largest error at `points`, relative to the largest exact value there."""

@@ -122,9 +122,8 @@ def test_the_triangular_lattice_of_the_description():
     names = np.array(network.names)
     held = names[network.held.all(axis=1)].tolist()
     assert held == [[0, 0], [0, 4], [2, 0], [2, 4], [4, 0], [4, 4]]
-    pressed = {
-        tuple(n): f.tolist() for n, f in zip(names, network.forces[0], strict=True) if any(f)
-    }
+    force = zip(names, network.forces[0].tolist(), strict=True)
+    pressed = {tuple(node): f for node, f in force if any(f)}
     assert pressed == {(0, 2): [0.0, 0.1], (4, 2): [0.0, -0.1]}
     assert set(network.stiffness) == {1.0}
     assert np.array_equal(network.rest_length, network.initial_length)

@@ -39,12 +39,10 @@ def disk(radius: float, material: str = "grain", name: str | None = "grain") -> 
 
 def plate(modulus=5.0, ratio=0.2, regions=None, size=1.0, cells=8, **body: Any) -> kaju.Scene:
     """Return a quarter of a plate with an inclusion, pulled to the right by 1 MPa."""
-    given = {"size": [size, size], "cells": [cells, cells], "material": "matrix"}
-    given |= {"thickness": THICKNESS, "regions": [disk(0.31)] if regions is None else regions}
+    own = {"size": [size, size], "cells": [cells, cells], "material": "matrix"}
+    own |= {"thickness": THICKNESS, "regions": [disk(0.31)] if regions is None else regions}
     loads = [{"side": "right", "pressure": -1e6}]
-    return kaju.Scene(
-        body=given | body, materials=grain(modulus, ratio), sides=ROLLERS, loads=loads
-    )
+    return kaju.Scene(body=own | body, materials=grain(modulus, ratio), sides=ROLLERS, loads=loads)
 
 
 def lined(modulus: float, ratio: float, plane: str) -> tuple[kaju.Scene, float]:

@@ -64,6 +64,15 @@ def test_the_peak_is_known_to_the_tolerance(hole, truth, tolerance) -> None:
         answer.value_of(kaju.Stress("hole", "xx"))
 
 
+@pytest.mark.slow
+def test_of_a_peak_that_small_agents_lose_again_the_best_is_told():
+    hole = region(disk={"centre": [0.0, 0.0], "radius": 0.5})
+    body = {"size": [20.0, 10.0], "cells": [20, 10], "material": "matrix", "regions": [hole]}
+    (goal,) = kaju.solve(plate(body=body), 0.002, goal=HOOP).goals
+    assert goal.value == pytest.approx(3.009, rel=0.002)  # with other cells it is kept
+    assert goal.relative_error < 0.003
+
+
 def ring(pressure: float, *within: dict[str, Any]) -> kaju.Scene:
     """Return a quarter of a ring under pressure at its bore, and what lies within."""
     rim = region("matrix", "rim", disk=DISK["disk"] | {"radius": 2.0})
@@ -162,9 +171,9 @@ def test_a_peak_is_stored(tmp_path: Path) -> None:
     assert loaded.summary()["largest_hoop_stress_Pa"] == {"hole": answer.goals[0].value}
     assert answer.value_of(HOOP) == answer.goals[0].value
     texts = [" ".join(text.get_text().split()) for text in kaju.plot(loaded).findobj(Text)]
-    error = f"error {100 * answer.goals[0].relative_error:.2g} % along 'hole'; "
-    assert any("hoop stress asked for" in text and error in text for text in texts)
-    assert any("; largest stress" in text and "along 'hole'" in text for text in texts)
+    error = f"error {100 * answer.goals[0].relative_error:.2g} % along 'hole'"
+    (title,) = (text for text in texts if "hoop stress asked for" in text)
+    assert (error in title, "largest stress" in title) == (True, False)
     assert any("without a proof" in note for note in loaded.notes)
 
 

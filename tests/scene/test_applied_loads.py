@@ -11,11 +11,9 @@ def plate(*loads, cells=(4, 3), **changes):
     return loaded(cells, *loads, cell_size=0.1, **thickness | changes)
 
 
-def rows(applied):
+def rows(put):
     """Cell, direction and force of every entry, in a fixed order."""
-    parts = zip(
-        applied.cells.tolist(), applied.direction.tolist(), applied.force.tolist(), strict=True
-    )
+    parts = zip(put.cells.tolist(), put.direction.tolist(), put.force.tolist(), strict=True)
     return sorted((tuple(cell), d, tuple(round(f, 12) for f in force)) for cell, d, force in parts)
 
 

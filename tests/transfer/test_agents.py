@@ -71,10 +71,8 @@ ALONE = PrescribedRule(alpha=(0.5, 0.5, 0.0), beta=1.0, threshold=0.01)
 KEPT = PrescribedRule(alpha=(0.5, 0.0, 0.0), beta=1.0)
 
 
-def column(sides, load_row=4, rows=5, force=(0.0, -2.0), rule=ALONE):
-    scene = plate(
-        [1, rows], [0, load_row], force, sides=sides, rule=rule, allow_floating=True, **OF
-    )
+def column(sides, row=4, rows=5, force=(0.0, -2.0), rule=ALONE):
+    scene = plate([1, rows], [0, row], force, sides=sides, rule=rule, allow_floating=True, **OF)
     return LoadModel(scene).run()
 
 
@@ -84,7 +82,7 @@ def by_row(result):
 
 
 def test_a_cell_is_squeezed_by_its_own_share():
-    result = column({"bottom": "rigid"}, rows=40, load_row=39)
+    result = column({"bottom": "rigid"}, rows=40, row=39)
     _, strain, stress = by_row(result)
     own = 0.5 * 2.0  # N, kept by the top cell
     assert stress[-1, 1, 1] == pytest.approx(-own / (H * T))

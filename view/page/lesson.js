@@ -291,8 +291,8 @@ function numberCard(lesson, q, field, i) {
   const { page } = lesson, { t } = page, label = page.say(field.label) ?? "", unit = page.say(field.unit) ?? "", asked = page.say(field.read_in) || unit, verdict = make("small", { role: "status" });
   const input = make("input", { type: "text", inputMode: "decimal", className: "field", readOnly: lesson.fixed, value: lesson.answers[q.key]?.[i] ?? "", ariaLabel: `${label} ${unit}`.trim() || t("yourAnswer"), autocomplete: "off" });
   const judge = () => {
-    const text = input.value.trim(), v = numberIn(text, unit), right = isRight(field, v), digits = text.replace(/^[^=]*=|\D*$/g, "").replace(/^[\s0.,−-]+|\D/g, ""), near = !q.rounds && Math.abs(v - field.answer) < 0.05 * Math.abs(field.answer) && Math.abs(v - field.answer) <= 0.5000001 * Math.abs(v) / Number(digits);   // rounded well, but too far: to half a step of its last digit
-    verdict.textContent = !text ? "" : Number.isNaN(v) ? t(!/\d/.test(text) ? "noNumber" : asked && /\p{L}/u.test(text) ? "notIn" : "bareNumber", { u: asked }) : q.step === "predict" ? "" : right ? t("correct") : near ? t("moreDigits") : t("lookAgain", { x: page.say(field.look) || label || t("thePicture") });
+    const text = input.value.trim(), v = numberIn(text, unit), right = isRight(field, v), digits = text.replace(/^[^=]*=|\D*$/g, "").replace(/^[\s0.,−-]+|\D/g, ""), near = !q.rounds && Math.abs(v - field.answer) < 0.4 * Math.abs(field.answer) && Math.abs(v - field.answer) <= 0.5000001 * Math.abs(v) / Number(digits);   // rounded well, but too far: to half a step of its last digit
+    verdict.textContent = !text ? "" : Number.isNaN(v) ? t(!/\d/.test(text) ? "noNumber" : asked && /\p{L}/u.test(text) ? "notIn" : "bareNumber", { u: asked }) : q.step === "predict" ? "" : right ? t("correct") : near ? t("moreDigits") : t("lookAgain", { x: page.say(field.look) || label || t("thePicture") }) + (field.tolerance > 0 && !q.rounds ? ` · ${t("within", { e: `${general(field.tolerance, 1)} ${unit}` })}` : "");
     verdict.className = right ? "right" : "soft";
     if (right && q.step !== "predict") verdict.prepend(icon("tick"));
   };

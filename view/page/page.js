@@ -261,7 +261,7 @@ export class Page {
         this.goTo(keep);
       }
       const log = ["taken", "now", "kept", "stress"].includes(colour);
-      this.scales.set(colour, { high: high || 1, low: log ? Math.max(1e-4 * high, Math.min(0.1 * high, colour === "taken" ? this.scene.rule.threshold ?? 0 : 0)) || 1e-4 : colour === "spawn" ? 1 : 0, log });
+      this.scales.set(colour, { high: high || 1, low: log ? Math.max((high > 1e6 * this.run.applied ? 1e-12 : 1e-4) * high, Math.min(0.1 * high, colour === "taken" ? this.scene.rule.threshold ?? 0 : 0)) || 1e-4 : colour === "spawn" ? 1 : 0, log });
     }
     return this.scales.get(colour);
   }

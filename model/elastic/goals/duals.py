@@ -326,10 +326,8 @@ class Supported(DualGoal):
         self._name = quantity.side
         names = [*self.scene.lattice.sides, INSIDE]
         if isinstance(body, PosedBody) and quantity.side not in names:
-            near = f"{quantity.side!r}{suggestion(quantity.side, names)}"
-            raise ParameterError(
-                f"goal: there is no support {near}; there may be {', '.join(names)}"
-            )
+            told = f"goal: there is no support {quantity.side!r}{suggestion(quantity.side, names)}"
+            raise ParameterError(f"{told}; there may be {', '.join(names)}")
         self.support = names.index(quantity.side) if quantity.side in names else -1
 
     def loaded(self, mesh: Mesh, sides: Sides, found: Found | None) -> list[Sides]:

@@ -97,6 +97,12 @@ class CutLoop(PairLoop):
             else:
                 self._judge = _Peak(body, asked, tolerance).judge
 
+    def step(self) -> None:
+        """Go on; keep the best generation of a peak, which too small agents may lose again."""
+        super().step()
+        if len(self.generations) == 1 or self._judged.error < self._kept[1].error:
+            self._kept = self.last, self._judged, len(self.generations)
+
     def _solve(self) -> None:
         """Solve both fields; leaves of which it is not known what they hold are halved."""
         # Cut agents are all halved so often at most, to find out what hangs together.
@@ -105,10 +111,8 @@ class CutLoop(PairLoop):
             try:
                 pair = CutPair(self.body, self.leaves)
                 if pair.bounds.lower > pair.bounds.upper and not self.body.no_bound:
-                    raise UnlikeError(
-                        "body.regions: a part of the body that bears loads is too thin; make it "
-                        "thicker"
-                    )
+                    told = "body.regions: a part that bears loads is too thin; make it thicker"
+                    raise UnlikeError(told)
                 self._judged = self._judge(pair)
                 break
             except VagueError as vague:
@@ -168,7 +172,10 @@ class CutLoop(PairLoop):
         return Judged((goal,), error, part / scale, False, wanted)
 
     def outcome(self) -> CutAgents:
-        """Return the agents as they are."""
+        """Return the agents as they are, or as they were when a peak was known far better."""
+        if self._asked and self.stopped and self._judged.error > 2.0 * self._kept[1].error:
+            self.last, self._judged, count = self._kept
+            del self.generations[count:]
         agents = CutAgents(self.body, *self._told(), self.last)
         agents.notes += agents.remarks(self._asked)
         return agents

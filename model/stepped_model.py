@@ -48,7 +48,8 @@ class SteppedModel(Model):
         number_agents_of(self)
         given = rng if seed is None else seed
         if given is None:  # one that can be told, so that the run can be had again
-            given = int(default_rng().integers(2**32))
+            drawn = int(default_rng().integers(2**32))
+            given = getattr(of_mesa.get("scenario"), "rng", drawn)
         if isinstance(given, str) and given.isdecimal():  # as the fields of SolaraViz give it
             given = int(given)
         try:

@@ -76,6 +76,7 @@ class CutLoop(PairLoop):
     """The agents of a body within outlines, generation by generation."""
 
     body: OutlinedBody
+    _kept: tuple[CutPair, Judged, int]  # the best generation of a peak, and how many there were
 
     def __init__(
         self,
@@ -117,10 +118,8 @@ class CutLoop(PairLoop):
                 break
             except VagueError as vague:
                 codes = vague.codes
-                why = UnlikeError(
-                    "body.regions: outlines nearly touch themselves, others or a line of cells; "
-                    "move one a little, or change the number of cells"
-                )
+                told = "body.regions: outlines nearly touch themselves, others or a line of cells;"
+                why = UnlikeError(f"{told} move one a little, or change the number of cells")
             except UnlikeError as error:
                 # coarse pieces may not hang together
                 patience, why = patience - 1, error

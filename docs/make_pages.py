@@ -81,7 +81,7 @@ def _page_question(of: Lesson, number: int) -> dict[str, Any]:
     told |= {name: kind[name] for name in ("until", "lines", "draws", "recalls") if name in kind}
     if "answers" in kind:
         told["rounds"] = "rounded" in str(asked["en"])  # it says itself how
-        if not any(re.search(r"\bp\[|\bready\(", answer) for answer in kind["answers"]):
+        if not any(re.search(r"\b(p\[|ready\(|with_\()", each) for each in kind["answers"]):
             told["marked"] = told["show"]["preset"]  # all its numbers are of this body
         told["fields"] = [
             _page_field(asked, n, value, tolerance(kind, n, value))

@@ -75,19 +75,19 @@ def growth_curves(result: GrowthResult) -> list[Curves]:
 
 
 def fracture_curves(result: FractureResult) -> list[Curves]:
-    """Return load, load over way, avalanches and energies at every break."""
+    """Return load, load over way, avalanches, energies and way at every break."""
     force, way = (np.append(0.0, column) for column in (result.force, result.displacement))
     # What bears hardly anything any more moves so far that the rest would not be seen.
     loaded = 1 + np.flatnonzero(force >= 0.02 * force.max())[-1]
-    broken = [0, *(k + 1 for size in result.avalanche_sizes for k in range(size))]
-    size = {"size": np.array(broken, dtype=float)}
+    broken = [0.0, *(k + 1.0 for size in result.avalanche_sizes for k in range(size))]
     energy = {n: np.append(0.0, getattr(result, n)) for n in ("work", "stored", "released")}
     over, course = ("break", "", np.arange(result.breaks + 1.0)), {"load": force[:loaded]}
     return [
         Curves("Load", *over, {"load": force}, "N"),
         Curves("Load over displacement", "displacement", "m", way[:loaded], course, "N"),
-        Curves("Breaks of the avalanche", *over, size, "", bars=True),
+        Curves("Breaks of the avalanche", *over, {"size": np.array(broken)}, "", bars=True),
         Curves("Energy", *over, energy, "J"),
+        Curves("Displacement", *over, {"displacement": way}, "m"),
     ]
 
 

@@ -166,5 +166,5 @@ def _question(item: str) -> Question:
     asked, *write = _WRITE.split(_FIELD.sub("", body).strip())
     read = _QUESTION.match(asked.strip())
     assert read, f"a question is '(10 min) **What?** ...', got {item!r:.60}"
-    parts = (plain(part) for part in (read[2], read[3], "".join(hint)))
+    parts = (plain(part.replace("\n   ", "\n")) for part in (read[2], read[3], "".join(hint)))
     return Question(int(read[1]), *parts, fields, plain("".join(write)))

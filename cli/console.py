@@ -47,7 +47,7 @@ MEANINGS = {
     "largest_change": "of a density, in the last step",
     "largest_hoop_stress_Pa": "the largest by amount along that outline; below 0 it is pressed",
     "largest_load_factor": "times the loads of the scene",
-    "largest_stress_Pa": "of one agent; along an edge a hoop stress or a goal is more exact",
+    "largest_stress_Pa": "mean over one agent: less than at its edges; a goal tells these",
     "load_dropped": "not above γ, so it woke nobody",
     "load_taken": "by all agents; a load counts again in each that passes it on",
     "material_agents": "cells of the body that a load above γ woke",

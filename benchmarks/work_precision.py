@@ -193,15 +193,14 @@ def run(folder: Path, quick: bool, record: bool) -> None:
     """
     check_writable(folder, ResultFileError)
     folder.mkdir(parents=True, exist_ok=True)
-    record_of = folder / "work_precision.csv"
+    table = folder / "work_precision.csv"
     found: list[Measurement] = []
     for job in jobs(quick):
         found.append(in_a_fresh_process(*job))
-        pd.DataFrame(map(asdict, found)).to_csv(record_of, index=False)  # as far as it has come
+        pd.DataFrame(map(asdict, found)).to_csv(table, index=False)  # as far as it has come
         print(_line(found[-1]))
     conditions = environment()
-    table = quotations(found, conditions["processor"])[1]
-    words = f"{table}\n\n{measured_on(conditions)}\n"
+    words = f"{quotations(found, conditions['processor'])[1]}\n\n{measured_on(conditions)}\n"
     (folder / "work_precision.md").write_text(words, encoding="utf-8")
     draw(found, folder / "work_precision.png")
     if record:

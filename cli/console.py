@@ -55,9 +55,9 @@ MEANINGS = {
     "plane": "stress: a thin plate; strain: a slice of a long body",
     "reaction": "force of the support on the body, along each axis",
     "rigid_boundary_agents": "in the ground, which hands loads back reversed",
-    "tolerance": "of the goal, if there is one; else of the error bound",
     "set_free_at_jumps_J": "by loads that are put on or taken off at once",
     "spectral_radius": "times as much load a generation, if loads that meet were added",
+    "tolerance": "of the goal, if there is one; else of the error bound",
 }
 """What key figures mean, if their names do not say it."""
 

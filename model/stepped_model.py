@@ -93,9 +93,10 @@ class SteppedModel(Model):
     def _let_act(self) -> None:
         """Call `step`; refuse one of a subclass in which no agent acts, at once."""
         self._own_step()
+        if self.steps_taken > 1 or self._acted:
+            return
         code = getattr(self._own_step, "__code__", None)
-        known = code is None or "step" in (*code.co_names, *code.co_consts)
-        if self.steps_taken == 1 and not (known or self._acted):
+        if code is not None and "step" not in (*code.co_names, *code.co_consts):
             name = type(self).__name__
             raise AgentError(f"step: {name}.step lets no agent act; call super().step() in it")
 

@@ -230,7 +230,7 @@ def settled(result: Any) -> ElasticResult:
 
 def stress_text(result: ElasticResult) -> str:
     """Return the goals, and the largest stress: along an outline, or the mean over an agent."""
-    asked = ""
+    asked = where = ""
     for goal in result.goals:
         far = goal.components[0] if len(goal.components) == 1 else hypot(*goal.components)
         told = quantity(far, goal.figures()["unit"])
@@ -238,8 +238,8 @@ def stress_text(result: ElasticResult) -> str:
         if isinstance(goal.quantity, Stress) and goal.quantity.component == HOOP:
             what, where = "hoop stress asked for, largest by amount", f" along {goal.quantity.at!r}"
         asked += f"{what}: {told}, error {100.0 * goal.relative_error:.2g} %{where}; "
-        if where:
-            return asked[:-2]
+    if where:  # a goal along an outline: it is the largest stress there
+        return asked[:-2]
     found, along = result.largest_stress, result.largest_along()
     name = max(along, key=lambda name: abs(along[name]), default="")
     if name and abs(along[name]) > found.value:

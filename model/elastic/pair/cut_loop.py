@@ -103,6 +103,9 @@ class CutLoop(PairLoop):
         super().step()
         if len(self.generations) == 1 or self._judged.error < self._kept[1].error:
             self._kept = self.last, self._judged, len(self.generations)
+        elif self.stopped and self._asked and self._judged.error > 2.0 * self._kept[1].error:
+            self.last, self._judged, count = self._kept
+            del self.generations[count:]
 
     def _solve(self) -> None:
         """Solve both fields; leaves of which it is not known what they hold are halved."""
@@ -171,10 +174,7 @@ class CutLoop(PairLoop):
         return Judged((goal,), error, part / scale, False, wanted)
 
     def outcome(self) -> CutAgents:
-        """Return the agents as they are, or as they were when a peak was known far better."""
-        if self._asked and self.stopped and self._judged.error > 2.0 * self._kept[1].error:
-            self.last, self._judged, count = self._kept
-            del self.generations[count:]
+        """Return the agents as they are."""
         agents = CutAgents(self.body, *self._told(), self.last)
         agents.notes += agents.remarks(self._asked)
         return agents

@@ -68,7 +68,7 @@ def test_the_peak_is_known_to_the_tolerance(hole, truth, tolerance) -> None:
 def test_of_a_peak_that_small_agents_lose_again_the_best_is_told():
     hole = region(disk={"centre": [0.0, 0.0], "radius": 0.5})
     body = {"size": [20.0, 10.0], "cells": [20, 10], "material": "matrix", "regions": [hole]}
-    (goal,) = kaju.solve(plate(body=body), 0.002, goal=HOOP).goals
+    (goal,) = kaju.SpawningModel(plate(body=body), 0.002, goal=HOOP).run().goals
     assert goal.value == pytest.approx(3.009, rel=0.002)  # with other cells it is kept
     assert goal.relative_error < 0.003
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import replace
 from functools import partial
 from math import inf, sqrt
@@ -103,9 +104,6 @@ class CutLoop(PairLoop):
         super().step()
         if len(self.generations) == 1 or self._judged.error < self._kept[1].error:
             self._kept = self.last, self._judged, len(self.generations)
-        elif self.stopped and self._asked and self._judged.error > 2.0 * self._kept[1].error:
-            self.last, self._judged, count = self._kept
-            del self.generations[count:]
 
     def _solve(self) -> None:
         """Solve both fields; leaves of which it is not known what they hold are halved."""
@@ -165,17 +163,19 @@ class CutLoop(PairLoop):
             value.append(0.5 * sum(float(np.vdot(one.felt, other.felt)) for one, other in both))
             off.append(0.5 * sqrt(pair.gap * dual.gap))
             part += off[-1] * (pair.shares / pair.gap + dual.shares / dual.gap)
-        least = SMALL * float(np.abs(pair.fitting.value).max())
-        scale = max(float(np.linalg.norm(value)), least)
-        off_all = float(np.linalg.norm(off))
-        goal = Goal(asked, tuple(value), off_all, scale, self.body.no_bound)
+        scale = max(float(np.linalg.norm(value)), SMALL * float(np.abs(pair.fitting.value).max()))
+        goal = Goal(asked, tuple(value), float(np.linalg.norm(off)), scale, self.body.no_bound)
         error = goal.relative_error
         wanted = min(AIM * self.tolerance / error, 1.0) if error > 0.0 else 0.0
         return Judged((goal,), error, part / scale, False, wanted)
 
     def outcome(self) -> CutAgents:
-        """Return the agents as they are."""
-        agents = CutAgents(self.body, *self._told(), self.last)
+        """Return the agents as they are, or as they were when a peak was known far better."""
+        found = copy(self)
+        if self._asked and self.stopped and self._judged.error > 2.0 * self._kept[1].error:
+            found.last, found._judged, count = self._kept
+            found.generations = self.generations[:count]
+        agents = CutAgents(self.body, *found._told(), found.last)
         agents.notes += agents.remarks(self._asked)
         return agents
 

@@ -14,7 +14,7 @@ import kaju
 from kaju.model.scene.level_sets import SampledShape
 from kaju.model.scene.shapes import Ball, Box, Cylinder
 from kaju.model.scene.surfaces import ClosedSurface
-from kaju.model.solid.cut_cells import CUT, EMPTY, WHOLE, SolidBody
+from kaju.model.solid.solid_agents import CUT, EMPTY, WHOLE, SolidBody
 
 STEEL = {"steel": {"youngs_modulus": 206e9, "poissons_ratio": 0.3}}
 SIDES = {"left": "roller", "front": "roller", "bottom": "roller"}

@@ -210,10 +210,8 @@ def creep(
     Writes summary.json, result.npz and a picture: displacement, stress and energies over time.
     `kaju animate` makes a film of the folder.
     """
-    told = "--hold: the scene has a [history] of its own, so leave this out"
-    require(scene.history is None or hold is None, told)
-    told = "--hold: a scene without [history] needs --hold SECONDS, such as --hold 10"
-    require(scene.history is not None or hold is not None, told)
+    told = "--hold: give either --hold SECONDS, such as --hold 10, or a [history] in the scene"
+    require((scene.history is None) != (hold is None), told)
     from kaju.agents.elastic_rule import ElasticRule
     from kaju.model.rheology.creeping import creep as let_creep
     from kaju.model.rheology.load_history import History

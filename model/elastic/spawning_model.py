@@ -97,8 +97,8 @@ class SpawningModel(SteppedModel):
         """Go back to the first agents, before the first step."""
         began = perf_counter()
         self._start_again()
-        asked = self.resolution, self.stage, self.goal, self.most_agents
-        self.spawner = spawner_of(self.scene, self.tolerance, *asked)
+        with self.scene.misplaced():
+            self.spawner = spawner_of(self.scene, **self.arguments()[0], goal=self.goal)
         self.ground, self.most_agents = self.spawner.body, self.spawner.most_agents
         self._begin(self.spawner.leaves)
         self.seconds = perf_counter() - began
@@ -114,7 +114,8 @@ class SpawningModel(SteppedModel):
     def step(self) -> None:
         """Let agents spawn (not in the first step), and let all find their opinions."""
         began = perf_counter()
-        self.spawner.step()
+        with self.scene.misplaced():
+            self.spawner.step()
         last = self.spawner.generations[-1]
         if self.generation > 1:
             self.family.grow(last.code, last.size)
@@ -186,8 +187,7 @@ class SpawningModel(SteppedModel):
     def arguments(self) -> tuple[dict[str, Any], dict[str, Any]]:
         """Return the model's plain arguments, and classes and functions of your own."""
         names = ("tolerance", "resolution", "stage", "most_agents")
-        options = {name: getattr(self, name) for name in names}
-        return options, {"goal": self.goal}
+        return {name: getattr(self, name) for name in names}, {"goal": self.goal}
 
     def figures(self) -> dict[str, float]:
         """Return what is noted after every step."""

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from pydantic import BeforeValidator, Field, model_validator
 
 from kaju.arrays import Floats
-from kaju.errors import SceneError, SceneFileError, needing
+from kaju.errors import SceneError, SceneFileError, needing, suggestion
 from kaju.files import text_of_file
 from kaju.model.scene import validation
 from kaju.model.scene.validation import Described, Length, Number, Text, check_axes, optional
@@ -53,9 +53,10 @@ class SurfaceFile(Described):
 
 
 class PathFile(Described):
-    """All outlines of an SVG drawing, from the lower left corner of its page."""
+    """Outlines of an SVG drawing, from the lower left corner of its page."""
 
     file: Text = Field(description="the path of an SVG file, such as 'drawing.svg'")
+    id: Text | None = optional("the id of the one shape that is taken; unless given, all are")
 
 
 def _path(value: Any) -> Any:
@@ -140,8 +141,7 @@ class _Shaped(Described):
                 f"{where}: belongs to two dimensions; use {', '.join(names[:-1])} or {names[-1]}"
             )
         if name == "path":
-            file = given.file if isinstance(given, PathFile) else None
-            return drawing_in(file, f"{where}.file") if file else PathShape(given)
+            return path_in(given, where)
         if name == "surface":
             check_axes(given.offset, 3, f"{where}.offset")
             return surface_from(given.file, f"{where}.file", given.scale, given.offset)
@@ -252,8 +252,8 @@ PIXELS = (
 )
 
 
-def read_drawing(text: str) -> list[Floats]:
-    """Return the closed lines of a drawing, each of shape (n, 4, 3).
+def read_drawing(text: str, only: str | None = None) -> list[Floats]:
+    """Return the closed lines of a drawing, or of the shape of one id, each of shape (n, 4, 3).
 
     The page's lower left corner is the origin. Lines within a line go round holes, whatever their
     colour; within a path its fill rule says so.
@@ -267,19 +267,23 @@ def read_drawing(text: str) -> list[Floats]:
         root = ElementTree.fromstring(text)  # noqa: S314 (without entities)
     except ElementTree.ParseError as error:
         raise _wrong(f"is not an SVG drawing ({error}); save it as plain SVG") from None
-    found: list[list[Floats]] = []
-    for element, place in _elements(root, _page(root), parse_transform):
+    found: list[Floats] = []
+    shapes = [*_elements(root, _page(root), parse_transform)]
+    ids = [one.get("id", "") for one, _ in shapes]
+    if only is not None and only not in ids:
+        there = ", ".join(filter(None, ids)) or "none"
+        raise _wrong(f"no shape has the id {only!r}{suggestion(only, ids)}; ids are {there}")
+    for element, place in [shapes[ids.index(only)]] if only else shapes:
         try:
             data = CONVERSIONS[_name(element)](_rounded(element))
             lines = [arcs @ place.T for arcs in read_path(data)]  # of homogeneous points
         except (SceneError, ValueError) as error:
             raise _wrong(f"{_called(element)} is no outline ({error})") from None
-        found.append(lines if _style(element, "fill-rule") == "evenodd" else _nonzero(lines))
+        found += lines if _style(element, "fill-rule") == "evenodd" else _nonzero(lines)
     if not found:
         raise _wrong("holds no outline; draw a path, rect, circle, ellipse or polygon")
-    together = [arcs for lines in found for arcs in lines]
-    _check_apart(together)
-    return together
+    _check_apart(found)
+    return found
 
 
 def _wrong(what: str) -> SceneError:
@@ -417,19 +421,18 @@ class PathShape(Shape):
     """What the closed lines of a path hold (even-odd rule)."""
 
     text: str
-    drawing: bool = False
-    """Whether the text is a whole SVG drawing."""
+    drawing: PathFile | None = None
+    """Of which drawing the text is, and what of it is taken; None: it is path data."""
 
     @cached_property
     def _lines(self) -> list[Floats]:
-        return read_drawing(self.text) if self.drawing else read_path(self.text)
+        return read_drawing(self.text, self.drawing.id) if self.drawing else read_path(self.text)
 
     @property
     def in_pixels(self) -> bool:
         """Whether it is a drawing that names no unit."""
         page = re.search(r"<(\w+:)?svg\b[^>]*>", self.text) if self.drawing else None
-        unit = "|".join(filter(None, _UNITS))
-        size = rf"\s(width|height)=.[\d.]+\s*({unit})\W"
+        size = rf"\s(width|height)=.[\d.]+\s*({'|'.join(filter(None, _UNITS))})\W"
         return page is not None and not re.search(size, page[0])
 
     def embedded(self) -> str:
@@ -457,17 +460,20 @@ class PathShape(Shape):
         return np.asarray(np.where(odd, -nearest, nearest))
 
 
-def drawing_in(file: str, key: str) -> PathShape:
-    """Return what an SVG file, or a text that a scene carries with it, draws."""
-    if file.startswith(EMBEDDED_DRAWING):
-        text = b64decode(file.removeprefix(EMBEDDED_DRAWING)).decode("utf-8")
+def path_in(given: str | PathFile, where: str) -> PathShape:
+    """Return what a path, an SVG file, or a text that a scene carries with it, draws."""
+    if isinstance(given, str):
+        shape = PathShape(given)
+    elif given.file.startswith(EMBEDDED_DRAWING):
+        embedded = b64decode(given.file.removeprefix(EMBEDDED_DRAWING))
+        shape = PathShape(embedded.decode("utf-8"), given)
     else:
-        text = text_of_file(file, SceneFileError, 20_000_000, key=key)
-    shape = PathShape(text, True)
+        text = text_of_file(given.file, SceneFileError, 20_000_000, key=f"{where}.file")
+        shape = PathShape(text, given)
     try:
         shape.outline()
     except SceneError as error:
-        raise SceneError(str(error).replace("path.file", key, 1)) from None
+        raise SceneError(str(error).replace("path", where, 1)) from None
     return shape
 
 

@@ -31,7 +31,7 @@ from .curves import flattened
 from .description import LONGEST, Body, Description, LoadTable, SideCondition, with_shared
 from .lattice import Cells, Lattice, check_boxes
 from .pictures import Picture, check_size
-from .regions import PIXELS, PathFile, PathShape, Region, SurfaceFile, reach_of
+from .regions import PIXELS, PathShape, Region, reach_of
 from .resolved_body import CellBox, ResolvedBody, check_body, check_outlines, nothing_left, resolve
 from .selection import AppliedLoads, Selection, at_stage, check_gravity, select
 from .shapes import Ball, Shape
@@ -89,15 +89,13 @@ class Scene(Description):
     @model_validator(mode="after")
     def _consistent(self) -> Scene:
         description.check_rule(self.rule, [*self.materials, *(m.name for m in self.cell_materials)])
-        if self.outlined:
-            check_outlines(self, self._resolved)
-            return self
-        check_body(self._resolved, self.body.allow_floating)
-        check_gravity(self._resolved, self.body.gravity)
-        try:
+        with self.misplaced():
+            if self.outlined:
+                check_outlines(self, self._resolved)
+                return self
+            check_body(self._resolved, self.body.allow_floating)
+            check_gravity(self._resolved, self.body.gravity)
             _ = self.selections
-        except SceneError as error:  # loads may miss a part that lies elsewhere
-            raise SceneError("; ".join([str(error), *self._cut_off])) from None
         return self
 
     @classmethod
@@ -236,7 +234,7 @@ class Scene(Description):
             if filled.kind == cell_types.AIR and _breaks_through(shape, self.lattice):
                 told = reach_of(shape, self.lattice, "is it meant so?")
                 found.append(f"{where}: this hole breaks through the edge of the body: it {told}")
-        return (*found, *self._overlaps, *self._cut_off, *self.in_pixels)
+        return (*found, *self._overlaps, *self._of_files)
 
     @property
     def _overlaps(self) -> Iterator[str]:
@@ -256,20 +254,31 @@ class Scene(Description):
             yield f"the holes {names[a]!r} and {names[b]!r} overlap: is it meant so?"
 
     @property
-    def in_pixels(self) -> list[str]:
-        """Which drawings name no unit, in words."""
-        shapes = enumerate(filled.shape for filled in self._resolved.regions)
-        unknown = [n for n, one in shapes if isinstance(one, PathShape) and one.in_pixels]
-        return [f"body.regions.{number}.path: {PIXELS}" for number in unknown]
+    def _of_files(self) -> Iterator[str]:
+        """Which shapes of files reach beyond the array, or name no unit, in words."""
+        size, cell = np.array(self.lattice.extent), self.lattice.cell_size
+        for number, filled in enumerate(self._resolved.regions):
+            shape, where, told = filled.shape, f"body.regions.{number}", ""
+            (low, high), surface = shape.extent, isinstance(shape, ClosedSurface)
+            drawing = isinstance(shape, PathShape) and shape.drawing is not None
+            beyond = np.any((low <= -cell) | (high >= size + cell))
+            if surface and np.any(high - low >= 100.0 * size):  # millimetres are taken for metres
+                told = "is it in mm? give scale = 0.001"
+            elif beyond and (surface or drawing) and filled.kind != cell_types.AIR:
+                told = "what lies beyond is cut off" + surface * "; offset = [x, y, z] (m) moves it"
+            if told:
+                yield f"{where}: {reach_of(shape, self.lattice, told)}"
+            elif isinstance(shape, PathShape) and shape.in_pixels:
+                yield f"{where}.path: {PIXELS}"
 
-    @property
-    def _cut_off(self) -> Iterator[str]:
-        """Which shapes of files reach beyond the array, in words."""
-        for number, given in enumerate(self.body.regions):
-            if isinstance(given.surface or given.path, SurfaceFile | PathFile):
-                shape = self._resolved.regions[number].shape
-                beyond = _beyond(shape, self.lattice, given.material == "air")
-                yield from [f"body.regions.{number}: {beyond}"] if beyond else []
+    @contextmanager
+    def misplaced(self) -> Iterator[None]:
+        """Let errors say, too, which shapes of files may lie elsewhere than meant."""
+        try:
+            yield
+        except SceneError as error:
+            told = [] if PIXELS in str(error) else self._of_files
+            raise type(error)("; ".join([str(error), *told])) from None
 
     def notes_on(self, displacement: float) -> tuple[str, ...]:
         """Return the `notes`, and one more where the largest displacement (m) is not small."""
@@ -471,19 +480,6 @@ def _breaks_through(shape: Shape, lattice: Lattice) -> bool:
     flat = [flattened(arcs, 32) for arcs in shape.outline()] if len(size) == 2 else shape.extent
     reach = np.vstack(flat) / size
     return bool(reach.min() < -1e-9 or reach.max() > 1.0 + 1e-9)
-
-
-def _beyond(shape: Shape, lattice: Lattice, cuts: bool) -> str:
-    """Say how a shape of a file, that fills or `cuts`, reaches beyond the array; or nothing."""
-    size, (low, high) = np.asarray(lattice.extent), shape.extent
-    surface = isinstance(shape, ClosedSurface)
-    if surface and np.any(high - low >= 100.0 * size):  # millimetres are taken for metres
-        remedy = "is it in mm? give scale = 0.001"
-    elif cuts or np.all((low > -lattice.cell_size) & (high < size + lattice.cell_size)):
-        return ""
-    else:
-        remedy = "what lies beyond is cut off" + surface * "; offset = [x, y, z] (m) moves the part"
-    return reach_of(shape, lattice, remedy)
 
 
 def _refined_body(scene: Scene, picture: Picture | None, k: int) -> Body:

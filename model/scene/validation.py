@@ -181,9 +181,7 @@ def _line(description: type[BaseModel], problem: ErrorDetails) -> str:
         return f"{'.'.join([*path, context['key']])}: {context['text']}"
     phrase = _PHRASES.get(problem["type"])
     rule = phrase.format(**context) if phrase else problem["msg"]
-    given = repr(problem["input"])
-    given = given if len(given) <= 80 else f"{given[:77]}..."
-    given = "" if problem["type"] == "missing" else f", got {given}"
+    given = "" if problem["type"] == "missing" else f", got {brief(problem['input'])}"
     if path[-1:] in (["loads"], ["regions"]) and isinstance(problem["input"], Mapping):
         given += f"; write [[{key}]], with two brackets, for each"
     if problem["type"] == "literal_error":

@@ -102,7 +102,8 @@ def solve(
     given = {name: value for name, value in options.items() if value is not None}
     solver = _solve_outlined if asked.outlined else _solve_scene
     try:
-        return interruptible(lambda: solver(asked, given))
+        with asked.misplaced():
+            return interruptible(lambda: solver(asked, given))
     except OutOfMemoryError:
         raise
     except SupportError as error:

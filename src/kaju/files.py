@@ -16,7 +16,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from kaju.errors import KajuError
+from kaju.errors import KajuError, suggestion
 
 
 def file_to_read(
@@ -32,8 +32,10 @@ def file_to_read(
             reason = f"its {about.st_size:,} bytes are more than {most:,}"
     except (OSError, ValueError, TypeError) as wrong:
         reason = getattr(wrong, "strerror", None) or str(wrong)
-        for ending in (".npz", ".toml") if isinstance(wrong, FileNotFoundError) else ():
-            reason += f"; there is {path}{ending}" * is_there(Path(f"{path}{ending}"))
+        if isinstance(wrong, FileNotFoundError):
+            alike = Path(path).suffix, ".toml", ".npz"
+            names = [x.name for x in Path(path).parent.glob("*") if x.suffix in alike]
+            reason += suggestion(Path(path).name, names)
     if reason:
         raise error(f"{key}{': ' if key else ''}{path!s:.300}: cannot be read: {reason}")
     return Path(path)

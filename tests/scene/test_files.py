@@ -23,6 +23,7 @@ FACES = np.array(
         *((2, 3, 7), (2, 7, 6), (0, 2, 6), (0, 6, 4), (1, 5, 7), (1, 7, 3)),
     ]
 )
+NESTED = [((x, x, x), edge, False) for x, edge in ((0.1, 2.2), (0.2, 2.0), (0.7, 1.0))]
 
 
 def plate(region, cells=(64, 64), size=0.01, **body):
@@ -120,15 +121,7 @@ def stl(path, *boxes):
         ([((0.2, 0.2, 0.2), 1.0, False), ((1.2, 0.2, 0.2), 1.0, False)], 2.0, False),  # a face
         ([((0.2, 0.2, 0.2), 1.0, False), ((1.2, 1.2, 0.2), 1.0, False)], 2.0, False),  # an edge
         ([((0.2, 0.2, 0.2), 1.0, False)] * 2, 1.0, False),  # twice the same
-        (
-            [
-                ((0.1, 0.1, 0.1), 2.2, False),
-                ((0.2, 0.2, 0.2), 2.0, False),
-                ((0.7, 0.7, 0.7), 1.0, False),
-            ],
-            2.2**3 - 8.0 + 1.0,
-            True,
-        ),  # a body in a cavity
+        (NESTED, 2.2**3 - 8.0 + 1.0, True),  # a body in a cavity
     ],
 )
 def test_shells_of_an_stl_are_one_body(tmp_path, boxes, volume, guessed):
@@ -155,12 +148,15 @@ def test_a_part_larger_than_the_array_is_told(tmp_path, edge, told):
 
 SVG = '<svg xmlns="http://www.w3.org/2000/svg" {} >{}</svg>'
 PAGE = 'width="80mm" height="40mm" viewBox="0 0 80 40"'
+RECT = '<rect id="part" x="10" y="5" width="20" height="10"/>'
+POINT = {"point": [0.005, 0.008], "force": [0.0, -1.0]}
+HOLE = '<rect id="hole" x="15" y="7" width="10" height="6"/>'
 
 
-def drawn(tmp_path, inner, page=PAGE):
+def drawn(tmp_path, inner, page=PAGE, **others):
     (tmp_path / "drawing.svg").write_text(SVG.format(page, inner))
-    region = {"path": {"file": str(tmp_path / "drawing.svg")}}
-    return plate(region, cells=(80, 40), size=0.001)
+    region = {"path": {"file": str(tmp_path / "drawing.svg")} | others.pop("of", {})}
+    return plate(region, (80, 40), 0.001, **others)
 
 
 def centres(scene):
@@ -172,7 +168,7 @@ def centres(scene):
 @pytest.mark.parametrize(
     ("inner", "page", "expected"),
     [
-        ('<rect x="10" y="5" width="20" height="10"/>', PAGE, [20, 30, 200]),
+        (RECT, PAGE, [20, 30, 200]),
         ('<path d="M10 5h20v10h-20z"/>', PAGE, [20, 30, 200]),
         ('<g transform="translate(10 5)"><rect width="20" height="10"/></g>', PAGE, [20, 30, 200]),
         ('<rect width="37.795275590" height="37.795275590"/>', 'height="40mm"', [5, 35, 100]),
@@ -180,11 +176,7 @@ def centres(scene):
         ('<path d="M10 5h20v10h-20zM12 7h5v5h-5z"/>', PAGE, [20, 30, 200]),  # nonzero: no hole
         ('<path fill-rule="evenodd" d="M10 5h20v10h-20zM15 7h10v6h-10z"/>', PAGE, [20, 30, 140]),
         ('<path d="M10 5h20v10h-20zM15 7v6h10v-6z"/>', PAGE, [20, 30, 140]),  # turned: a hole
-        (
-            '<rect x="10" y="5" width="20" height="10"/><rect x="15" y="7" width="10" height="6"/>',
-            PAGE,
-            [20, 30, 140],
-        ),
+        (RECT + HOLE, PAGE, [20, 30, 140]),
         ('<title>a plate</title><circle cx="40" cy="20" r="10"/>', PAGE, [40, 20, 316]),
         ('<ellipse cx="40" cy="20" rx="20" ry="5"/>', PAGE, [40, 20, 316]),
         ('<circle cx="10" cy="35" r="4"/>', 'width="160mm" viewBox="0 0 80 40"', [20, 10, 201]),
@@ -197,7 +189,10 @@ def test_drawings_are_metres_and_y_upwards(tmp_path, inner, page, expected):
 
 
 def test_a_drawing_is_kept_with_its_scene(tmp_path):
-    scene = drawn(tmp_path, '<circle cx="40" cy="20" r="10"/>')
+    scene = drawn(tmp_path, RECT + HOLE, of={"id": "hole"})
+    assert centres(scene) == [20, 30, 60]
+    with pytest.raises(SceneError, match=r"no shape has the id 'hol' .did you mean 'hole'.*part"):
+        drawn(tmp_path, RECT + HOLE, of={"id": "hol"})
     scene.save(tmp_path / "beside.toml")
     assert kaju.load_scene(tmp_path / "beside.toml").rasterise().sum() == scene.rasterise().sum()
     again = kaju.Scene.from_archive(*scene.to_archive())
@@ -225,18 +220,23 @@ def test_what_is_no_outline_is_named(tmp_path, inner, words):
 
 
 def test_a_drawing_without_a_unit_is_told_to_be_in_pixels(tmp_path):
-    rect = '<rect x="10" y="5" width="20" height="10"/>'
-    told = [drawn(tmp_path, rect, page).notes for page in (PAGE, 'viewBox="0 0 80 40"')]
+    pixels = 'viewBox="0 0 80 40"'
+    told = [drawn(tmp_path, RECT, page).notes for page in (PAGE, pixels)]
     assert ["pixels of 1/96 inch" in "".join(notes) for notes in told] == [False, True]
-    with pytest.raises(SceneError, match=r"lies outside.* 1/96 inch; give its <svg> a width"):
-        drawn(tmp_path, '<rect x="900" width="9" height="9"/>', 'viewBox="0 0 900 40"')
+    told = r"(lies outside|is air, not body).* 1/96 inch; give its <svg> a width"
+    for inner, load in (('<rect x="900" width="9" height="9"/>', []), (RECT, [POINT])):
+        with pytest.raises(SceneError, match=told):
+            drawn(tmp_path, inner, pixels, loads=load)
+    loose = drawn(tmp_path, RECT, pixels, loads=[POINT | {"point": [0.05, 0.04]}])
+    for solve in (kaju.solve, lambda scene: kaju.SpawningModel(scene).run()):
+        with pytest.raises(SceneError, match=r"could move anywhere.* 1/96 inch"):
+            solve(loose)
 
 
 # Texts.
 
-TOML = pressed([4, 4], [2, 3], [0.0, -2.0]).to_toml()
-
 
 def test_a_scene_comes_from_standard_input(monkeypatch):
-    monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(TOML.encode("utf-8-sig"))))
-    assert kaju.load_scene("-") == kaju.Scene.from_toml(TOML)
+    text = pressed([4, 4], [2, 3], [0.0, -2.0]).to_toml()
+    monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(text.encode("utf-8-sig"))))
+    assert kaju.load_scene("-") == kaju.Scene.from_toml(text)

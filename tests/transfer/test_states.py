@@ -56,7 +56,7 @@ def test_states_are_those_of_the_agents_after_every_generation(result):
 
 def test_states_are_columns_pictures_films_and_are_stored(result, tmp_path):
     again = kaju.load_result(result.save(tmp_path / "tired"))
-    with pytest.raises(kaju.KajuError, match=r"; there is .*tired\.npz"):
+    with pytest.raises(kaju.KajuError, match=r"did you mean .tired\.npz"):
         kaju.load_result(tmp_path / "tired")
     assert len(repr(again.last)) < 1500 > len(repr(again.states))
     frame = again.to_dataframe()

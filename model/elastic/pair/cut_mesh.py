@@ -240,7 +240,7 @@ class Border:
                 if not on.any():
                     reach = ", ".join(f"{x:.3g}" for x in body.edge * at.max(axis=(0, 1)))
                     told = f"loads: there is no body at the side {name} to be loaded: it ends at"
-                    raise UnlikeError("; ".join([f"{told} ({reach}) m", *body.asked.in_pixels]))
+                    raise UnlikeError(f"{told} ({reach}) m")
                 force, own, (slope, couple) = np.split(body.sides[name], [2, 4])
                 traction[on] = own + force / length[on].sum()
                 pull = _bent(at[on, :, 1 - axis], length[on], couple) * (1 if axis else -1)

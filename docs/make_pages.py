@@ -108,7 +108,7 @@ def _page_field(
 
 
 def tolerance(kind: dict[str, Any], field: int, value: float) -> float:
-    """Return how far off an answer may be: not at all if counted, else 1 % or two right digits."""
+    """Return how far off an answer may be: not at all if counted, else 2 % or two right digits."""
     if "tolerances" in kind:
         return float(kind["tolerances"][field])
     if "tolerance" in kind:
@@ -116,7 +116,7 @@ def tolerance(kind: dict[str, Any], field: int, value: float) -> float:
     if value == int(value):
         return 0.0
     rounded = abs(float(f"{value:.2g}") - value) + 1e-6
-    return 5e-4 if kind.get("exact") else max(float(f"{0.01 * abs(value):.2g}"), rounded)
+    return 5e-4 if kind.get("exact") else max(float(f"{0.02 * abs(value):.2g}"), rounded)
 
 
 def accepted(value: float, tolerance: float) -> str:

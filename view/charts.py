@@ -82,12 +82,13 @@ def fracture_curves(result: FractureResult) -> list[Curves]:
     broken = [0.0, *(k + 1.0 for size in result.avalanche_sizes for k in range(size))]
     energy = {n: np.append(0.0, getattr(result, n)) for n in ("work", "stored", "released")}
     over, course = ("break", "", np.arange(result.breaks + 1.0)), {"load": force[:loaded]}
+    moved = "break", "", np.arange(float(loaded))
     return [
         Curves("Load", *over, {"load": force}, "N"),
         Curves("Load over displacement", "displacement", "m", way[:loaded], course, "N"),
         Curves("Breaks of the avalanche", *over, {"size": np.array(broken)}, "", bars=True),
         Curves("Energy", *over, energy, "J"),
-        Curves("Displacement", *over, {"displacement": way}, "m"),
+        Curves("Displacement", *moved, {"displacement": way[:loaded]}, "m"),
     ]
 
 

@@ -54,17 +54,17 @@ function paintHead(ctx, room, words) {
 }
 
 /** One chart: above it its name and unit, and of every curve its name and present number; below axes with ticks, a line or bars each, the present as a dot. */
-function paintChart(ctx, box, { word, unit, lists, shown, names, over, now, log = false, course = false, bars = false, axis = "" }, inks) {
+function paintChart(ctx, box, { word, unit, lists, shown, names, over, now, log = false, course = false, bars = false, axis = "", end = 0 }, inks) {
   let top = 0, low = log ? Infinity : 0;
   for (const list of lists) for (const v of list) { if (v > top) top = v; if (v < low && (!log || v > 0)) low = v; }
   if (log && !(low < top)) low = top / 10 || 0.1;
   const least = Math.min(...lists.flat()), near = !log && least > 0.7 * top && top - least > 1e-3 * top;   // what hardly changes is looked at closely, but no rounding
   if (near) { low = least - 0.1 * (top - least); top += 0.1 * (top - least); }
   if (!(top > low)) top = low + 1;
-  const first = over[0] ?? 0, reach = over.reduce((most, at) => Math.max(most, at - first), 0) || 1;
+  const first = over[0] ?? 0, reach = over.reduce((most, at) => Math.max(most, at - first), end - first) || 1;
   const [unitAt, prefixAt] = prefixOf(first + reach, axis), [factor, prefix] = prefixOf(Math.max(top, -low), unit), short = (v, digits) => local(String(Number((v / factor).toPrecision(digits))));
-  const here = now === null || now === undefined ? -1 : course ? now : over.findLastIndex((v) => v <= now + 1e-9 * reach), single = lists.length === 1, inkOf = (i) => (single ? inks.rule : [inks.rule, inks.elastic, inks.miss, inks.soft][i % 4]), dashOf = (i) => (i ? [5, 3] : []);
-  const about = `${word}${prefix || unit ? `, ${prefix}${unit}` : ""}${log ? " (log)" : ""}`, told = (v) => (v === undefined ? "" : unit && Math.abs(v) > 1e-3 * factor && Math.abs(v) < 1e4 * factor ? `${general(v / factor, 4).replace("-", "−")} ${prefix}${unit}` : quantity(Math.abs(v) > 1e-15 * top ? v : 0, unit));   // in the unit of the axis; what rounding leaves is nothing
+  const here = now === null || now === undefined ? -1 : course ? now : now > over.at(-1) + 1e-9 * reach ? -1 : over.findLastIndex((v) => v <= now + 1e-9 * reach), single = lists.length === 1, inkOf = (i) => (single ? inks.rule : [inks.rule, inks.elastic, inks.miss, inks.soft][i % 4]), dashOf = (i) => (i ? [5, 3] : []);
+  const about = `${word}${prefix || unit ? `, ${prefix}${unit}` : ""}${log ? " (log)" : ""}`, told = (v) => (v === undefined ? "" : unit && (!v || Math.abs(v) > 1e-4 * factor) && Math.abs(v) < 1e4 * factor ? `${general(v / factor, 4).replace("-", "−")} ${prefix}${unit}` : quantity(Math.abs(v) > 1e-15 * top ? v : 0, unit));   // in the unit of the axis; what rounding leaves is nothing
   const curves = shown.map((list, i) => (single ? { text: list[here] === undefined ? "" : `● ${told(list[here])}`, ink: inks.ink, bold: true } : { text: `${names[i]} ${told(list[here])}`, ink: inkOf(i), dash: dashOf(i) }));
   const head = LINE * paintHead(ctx, box.w, [{ text: about, ink: inks.soft }, ...curves]) + 8;
   const x = LEFT, y = head, w = box.w - LEFT, h = box.h - head - FOOT;

@@ -25,7 +25,7 @@ const ICONS = { first: "M12 3L7 8l5 5M4 3v10", back: "M10 3L5 8l5 5", step: "M6 
   link: "M7 9a3 3 0 004 0l2-2a3 3 0 00-4-4L8 4M9 7a3 3 0 00-4 0L3 9a3 3 0 004 4l1-1", save: "M8 2v8M5 7l3 3 3-3M3 13h10",
   theme: "M8 2a6 6 0 100 12A6 6 0 008 2zM8 2v12M10 4v8M12 6v4", lessons: "M2 3h5v4H2zM9 3h5v4H9zM2 9h5v4H2zM9 9h5v4H9z", more: "M3 8h.01M8 8h.01M13 8h.01",
   print: "M4 6V2h8v4M4 12H2V6h12v6h-2M4 10h8v4H4z", tick: "M3 8.5l3.500 3.500L13 4.500", ring: "M8 3a5 5 0 100 10A5 5 0 008 3z", cross: "M4 4l8 8M12 4l-8 8",
-  clock: "M8 2a6 6 0 100 12A6 6 0 008 2zM8 5v3l2 2", box: "M3 3h10v10H3zM5.500 8l2 2 3.500-4" };
+  clock: "M8 2a6 6 0 100 12A6 6 0 008 2zM8 5v3l2 2", pen: "M3 13l1-3.500L11 2.500l2.500 2.500L6.500 12zM9.500 4l2.500 2.500", box: "M3 3h10v10H3zM5.500 8l2 2 3.500-4" };
 export const icon = (name) => draw("svg", { viewBox: "0 0 16 16", "aria-hidden": "true", class: `icon ${name}` }, draw("path", { d: ICONS[name] }));
 
 export const button = (text, onclick, props = {}) => make("button", { type: "button", textContent: text, onclick, ...props });

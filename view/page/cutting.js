@@ -9,7 +9,10 @@ import { general, local, prefixOf, quantity } from "./words.js";
 
 const SAME = 1e-9, NUMBERS = 46;               // of the load: what rounding leaves; pixels for the numbers beside bars
 const inOneUnit = (v, { needed, carried }) => { const top = Math.max(Math.abs(needed) || 0, Math.abs(carried)), [factor, prefix] = prefixOf(top, "N"); return Number.isNaN(v) || Math.abs(v) < 1e-3 * top ? quantity(v, "N") : `${general(v / factor, 4).replace("-", "−")} ${prefix}N`; };   // the forces of a cut, unless they are far apart
-const placed = (page) => page.look.cuts ??= { rows: [0.97, 0.82].map((part) => Math.floor(part * page.run.lattice.shape[loadAxis(page.scene).axis])), chosen: 1 };
+const depthOf = (page) => page.run.lattice.shape[loadAxis(page.scene).axis];
+/** The row (or column) that is cut: near the load, until a reader moves the cut. */
+const rowOf = (page) => page.look.row ??= Math.floor(0.82 * depthOf(page));
+const moveTo = (page, row) => page.set("row", Math.max(0, Math.min(depthOf(page) - 1, row)));
 
 /** The cuts of both answers at this generation, from one end of the axis to the other. */
 export function balanceOf(page) {
@@ -27,7 +30,7 @@ function csvOfCuts(page) {
 
 /** Bars beside the rows of the body (or below its columns), elasticity as a mark a row. */
 function paintBars(page, view, cuts, box, upright) {
-  const { ctx, u } = view, { inks, t } = page, { rows, chosen } = placed(page), known = cuts.flatMap((cut) => [cut.carried, cut.elastic, cut.needed]).filter((v) => !Number.isNaN(v));
+  const { ctx, u } = view, { inks, t } = page, row = rowOf(page), known = cuts.flatMap((cut) => [cut.carried, cut.elastic, cut.needed]).filter((v) => !Number.isNaN(v));
   const high = Math.max(...known, 1e-300), low = Math.min(0, ...known), from = upright ? box.x : box.y, long = upright ? box.w - NUMBERS : box.h, F = (v) => from + long * (v - low) / (high - low);
   const P = (at) => (upright ? view.y0 - u * at : view.x0 + u * at), point = (v, at) => (upright ? [F(v), P(at)] : [P(at), F(v)]);
   const [first, last] = [cuts[0].at, cuts.at(-1).at + 1], [factor, prefix] = prefixOf(high, "N"), by = Math.max(1, factor), digits = Math.max(0, Math.min(12, 3 - Math.floor(Math.log10(high / by))));
@@ -46,32 +49,28 @@ function paintBars(page, view, cuts, box, upright) {
       ctx.strokeStyle = inks.elastic; ctx.lineWidth = 2; ctx.fillStyle = inks.paper; ctx.fillRect(x - s / 2, y - s / 2, s, s); ctx.strokeRect(x - s / 2, y - s / 2, s, s);
     }
   }
-  rows.forEach((at, n) => {
-    const ends = upright ? [[view.left, P(at + 0.5)], [box.x + long + 4, P(at + 0.5)]] : [[P(at + 0.5), view.y0 - u * view.height], [P(at + 0.5), box.y + box.h]], [hx, hy] = upright ? [view.right + 16, ends[0][1]] : [ends[0][0], view.y0 + 26];
-    ctx.strokeStyle = n === chosen ? inks.ink : inks.soft; ctx.lineWidth = n === chosen ? 2.5 : 1.5; ctx.setLineDash(n === chosen ? [] : [5, 4]);
-    ctx.beginPath(); ctx.moveTo(...ends[0]); ctx.lineTo(...ends[1]); ctx.stroke(); ctx.setLineDash([]);
-    ctx.fillStyle = n === chosen ? inks.wash : inks.paper; ctx.strokeStyle = inks.ink; ctx.lineWidth = 1.5;
-    ctx.beginPath(); ctx.roundRect(hx - 11, hy - 10, 22, 20, 6); ctx.fill(); ctx.stroke();
-    paintWord(ctx, upright ? "↕" : "↔", hx, hy, inks.ink, { ...inks, paper: "transparent" }, { align: "center" });
-  });
-  // Beside small rows only those of the lines have room for their number.
-  if (upright) for (const { at, carried } of cuts) if (u >= 13 || rows.includes(at)) paintWord(ctx, Math.abs(carried) < SAME * high ? "0" : local((carried / by).toFixed(digits)), box.x + box.w, P(at + 0.5), inks.ink, inks, { align: "right" });
+  const ends = upright ? [[view.left, P(row + 0.5)], [box.x + long + 4, P(row + 0.5)]] : [[P(row + 0.5), view.y0 - u * view.height], [P(row + 0.5), box.y + box.h]], [hx, hy] = upright ? [view.right + 16, ends[0][1]] : [ends[0][0], view.y0 + 26];
+  Object.assign(ctx, { strokeStyle: inks.ink, lineWidth: 2.5, fillStyle: inks.wash }); ctx.beginPath(); ctx.moveTo(...ends[0]); ctx.lineTo(...ends[1]); ctx.stroke();
+  ctx.lineWidth = 1.5; ctx.beginPath(); ctx.roundRect(hx - 11, hy - 10, 22, 20, 6); ctx.fill(); ctx.stroke();
+  paintWord(ctx, upright ? "↕" : "↔", hx, hy, inks.ink, { ...inks, paper: "transparent" }, { align: "center" });
+  // Beside small rows only the one that is cut has room for its number.
+  if (upright) for (const { at, carried } of cuts) if (u >= 13 || at === row) paintWord(ctx, Math.abs(carried) < SAME * high ? "0" : local((carried / by).toFixed(digits)), box.x + box.w, P(at + 0.5), inks.ink, inks, { align: "right" });
   if (!page.elastic.answer) paintWord(ctx, page.elastic.why ? t("noAnswer", { why: page.elastic.why }) : t("solving"), upright ? box.x : view.x0, upright ? P(first) + 16 : box.y + box.h + 14, inks.elastic, inks);
 }
 
 // ------------------------------------------------------------------------------------- the cards
 
 /** The free body at the chosen cut: what presses, what holds, what is missing. */
-function freeBody({ t, ruleAlone }, cut) {
+function freeBody({ t, ruleAlone, lesson }, cut) {
   const arrow = (x, from, to, name, text) => [draw("path", { class: `arrow ${name}`, d: `M${x} ${from}V${to}m-6 ${to > from ? -7 : 7}l6 ${to > from ? 7 : -7}l6 ${to > from ? -7 : 7}` }), draw("text", { class: name, x: x + 10, y: (from + to) / 2 + 4 }, text)];
-  const { carried, needed } = cut, gap = needed - carried;
+  const { carried, needed } = cut, gap = needed - carried, asked = lesson && lesson.step !== "try" && !lesson.teacher && !lesson.isDone(lesson.question);   // pupils subtract first
   return draw("svg", { class: "chart", viewBox: "0 0 340 132", role: "img", "aria-label": t("partAbove") }, ...arrow(120, 4, 38, "load", t("pressIt", { n: inOneUnit(needed, cut) })),
     draw("rect", { class: "part", x: 30, y: 42, width: 180, height: 40, rx: 4 }), draw("text", { x: 120, y: 66, "text-anchor": "middle" }, t("partAbove")),
     ...arrow(46, 126, 88, "rule", t("holdIt", { n: inOneUnit(carried, cut) })),
-    ...(!ruleAlone && Math.abs(gap) > SAME * Math.abs(needed) ? arrow(204, 126, 88, "bad", t(gap > 0 ? "missingIt" : "tooMuchIt", { n: inOneUnit(Math.abs(gap), cut) })) : []));
+    ...(!ruleAlone && Math.abs(gap) > SAME * Math.abs(needed) ? arrow(204, 126, 88, "bad", t(gap > 0 ? "missingIt" : "tooMuchIt", { n: asked ? "?" : inOneUnit(Math.abs(gap), cut) })) : []));
 }
 function cutCard(page, cuts) {
-  const { t, run: { lattice: L }, scene } = page, { rows, chosen } = placed(page), { axis } = loadAxis(scene), cut = cuts.find(({ at }) => at === rows[chosen]);
+  const { t, run: { lattice: L }, scene } = page, { axis } = loadAxis(scene), cut = cuts.find(({ at }) => at === rowOf(page));
   if (!cut) return [];
   const x = `${general(100 * L.h * (axis ? L.shape[1] - cut.at - 0.5 : cut.at + 0.5), 3)} cm`, big = (word, value, name) => make("div", { className: name }, t(word), make("b", { textContent: inOneUnit(value, cut) }));
   return [make("h2", { textContent: t("cutAtPlace", { x, side: t(axis ? "top" : "left"), n: cut.at }) }), make("div", { className: "pair" }, big("theRule", cut.carried, "rule"), ...(page.ruleAlone ? [] : [big("elastic", cut.elastic, "elastic")])),
@@ -100,13 +99,11 @@ function whereCard(page) {
 
 // --------------------------------------------------------------------------------------- mode
 
-/** The row under a pointer, and the cut that is nearest to it. */
+/** The row under a pointer, and whether that is near the cut. */
 function under(page, { offsetX, offsetY }) {
-  const { view, scene, run: { lattice: { shape } } } = page, { axis } = loadAxis(scene), x = axis ? (view.y0 - offsetY) / view.u : (offsetX - view.x0) / view.u, { rows } = placed(page);
-  const near = rows.map((at) => Math.abs(at + 0.5 - x)), n = near.indexOf(Math.min(...near));
-  return { at: Math.max(0, Math.min(shape[axis] - 1, Math.floor(x))), n: near[n] < Math.max(0.7, 14 / view.u) ? n : -1 };
+  const { view } = page, x = loadAxis(page.scene).axis ? (view.y0 - offsetY) / view.u : (offsetX - view.x0) / view.u;
+  return { at: Math.floor(x), near: Math.abs(rowOf(page) + 0.5 - x) < Math.max(0.7, 14 / view.u) };
 }
-const addCut = (page, at) => { const cuts = placed(page); cuts.chosen = cuts.rows.push(at) - 1; page.set("cuts", cuts); };
 
 MODES.push({
   name: "cuts", letter: "c",
@@ -118,8 +115,9 @@ MODES.push({
   },
   changed: askElastic,
   tools(page) {
-    const { t } = page, add = () => addCut(page, page.run.lattice.shape[loadAxis(page.scene).axis] >> 1);
-    return page.lesson ? [] : [make("span", { className: "push" }), button(t("addCut"), add), button("CSV", () => page.announce(t("saved", { name: hand("cuts.csv", new Blob([csvOfCuts(page)], { type: "text/csv" })) })))];
+    const { t } = page, by = (step) => moveTo(page, rowOf(page) + step), [back, on] = loadAxis(page.scene).axis ? "▼▲" : "◀▶";
+    return [make("span", { className: "push" }), button(back, () => by(-1), { title: t("cutBack"), ariaLabel: t("cutBack") }), button(on, () => by(1), { title: t("cutOn"), ariaLabel: t("cutOn") }),
+      ...(page.lesson ? [] : [button("CSV", () => page.announce(t("saved", { name: hand("cuts.csv", new Blob([csvOfCuts(page)], { type: "text/csv" })) })))])];
   },
   cards: (page) => page.cutCards ?? [],
   draw(page) {
@@ -134,35 +132,28 @@ MODES.push({
     if (legend) paintLegend({ ctx, w: across, h }, both.scale, t("along"), t("log"), (v) => quantity(v, "N"), page.inks);
     if (cuts.length) paintBars(page, view, cuts, upright ? { x: w - side + 20, w: side - 48, y: 0, h } : { x: 0, w, y: h - side + 24, h: side - 44 }, upright);
     const kept = cuts.every(({ carried, needed }) => Number.isNaN(needed) || Math.abs(carried - needed) <= 1e-9 * Math.abs(needed));
-    const [cut, say, where] = page.cutCards, { rows, chosen } = placed(page), read = cuts.find(({ at }) => at === rows[chosen]);
+    const [cut, say, where] = page.cutCards, read = cuts.find(({ at }) => at === rowOf(page));
     if (read) page.parts.cap.textContent = page.told || `${t("rowOf", { n: read.at })}: ${t("theRule")} ${inOneUnit(read.carried, read)}${page.ruleAlone ? "" : `, ${t("elastic")} ${inOneUnit(read.elastic, read)}`}`;
     say.replaceChildren(make("p", { textContent: t(kept ? "isBalanced" : "noBalance") })); say.hidden = Boolean(page.lesson) && page.lesson.step !== "try";   // it would answer what is asked before
     cut.replaceChildren(...cutCard(page, cuts));
     if (!page.playing) where.replaceChildren(...whereCard(page));
   },
-  double: (page, event) => addCut(page, under(page, event).at),
   press(page, event) {
-    const { n, at } = under(page, event), cuts = placed(page);
-    if (n < 0 && event.pointerType !== "touch" && page.view.cellAt(event.offsetX, event.offsetY)) return false;   // a cell is read
-    if (n >= 0) cuts.chosen = n;
-    cuts.rows[cuts.chosen] = at; page.hold = { cut: cuts.chosen };
-    page.later();
+    const { at, near } = under(page, event);
+    if (!near && event.pointerType !== "touch" && page.view.cellAt(event.offsetX, event.offsetY)) return false;   // a cell is read
+    page.hold = { cut: true };
+    moveTo(page, at);
     return true;
   },
   move(page, event) {
-    if (page.hold?.cut === undefined || !event.buttons) return false;
-    placed(page).rows[page.hold.cut] = under(page, event).at;
-    page.later();
+    if (!page.hold?.cut || !event.buttons) return false;
+    moveTo(page, under(page, event).at);
     return true;
   },
-  release(page) { page.past.note(); return false; },
   key(page, event) {
-    const cuts = placed(page), { rows } = cuts, { axis } = loadAxis(page.scene), n = page.run.lattice.shape[axis], by = (axis ? { ArrowUp: 1, ArrowDown: -1 } : { ArrowRight: 1, ArrowLeft: -1 })[event.key];
-    if (event.shiftKey && by) rows[cuts.chosen] = Math.max(0, Math.min(n - 1, rows[cuts.chosen] + by));
-    else if (event.key === "Delete" && rows.length > 1) { rows.splice(cuts.chosen, 1); cuts.chosen = 0; }
-    else if (event.key.toLowerCase() === "c") cuts.chosen = (cuts.chosen + 1) % rows.length;
-    else return false;
-    page.set("cuts", page.look.cuts);
+    const by = (loadAxis(page.scene).axis ? { ArrowUp: 1, ArrowDown: -1 } : { ArrowRight: 1, ArrowLeft: -1 })[event.key];
+    if (!event.shiftKey || !by) return false;
+    moveTo(page, rowOf(page) + by);
     return true;
   },
 });

@@ -11,6 +11,8 @@ const MOST_LETTERS = 2000, SMALL = 4;              // of an answer; so many gene
 
 export class Lesson {
   constructor(page, { key, index, intro, opens, curves, minutes, questions, teacher, presets }) {
+    this.wide = matchMedia("(min-width: 1100px)");     // room for curves beside the picture
+    this.wide.onchange = () => page.rebuild();
     Object.assign(this, { page, key, intro, minutes, index, opens, curves, was: opens ?? 0, notes: teacher, questions: questions ?? [], answers: {}, guesses: {}, firsts: {}, done: [], at: -1, step: "predict", teacher: page.asked.has("teacher"), shown: "guess", pen: 1 });
     this.several = page.presets.length > 1 || /\.html\)/.test(JSON.stringify(this.questions));   // bodies, each with colours of its own
     (presets ?? []).forEach((names, n) => { if (page.presets[n]) Object.assign(page.presets[n], { ...names, word: "" }); });
@@ -249,10 +251,10 @@ export function stateOfCell(lesson, k) {
 export function lessonSide(page) {
   const { lesson, t, parts } = page, { question: q } = lesson;
   lesson.hidden = lesson.step === "predict" && lesson.limit !== Infinity && !Object.keys(lesson.guesses[q.key] ?? {}).length;
-  const face = (name) => make("span", {}, make("i", {}, ...(lesson.done.includes(name) ? [icon("tick")] : [String(STEPS.indexOf(name) + 1)])), t(`step_${name}`));
+  const marked = (name) => name !== "predict" && lesson.of(name).some((q) => q.kind === "number"), kind = (name) => (lesson.done.includes(name) ? (marked(name) ? "tick" : "pen") : "");   // what was only written down is neither right nor wrong
+  const face = (name) => make("span", { className: kind(name) }, make("i", {}, kind(name) ? icon(kind(name)) : String(STEPS.indexOf(name) + 1)), t(`step_${name}`));
   const tabs = tabList(page, STEPS, lesson.step, face, (name) => lesson.enter(STEPS.indexOf(name)));
   tabs.classList.add("steps");
-  STEPS.forEach((name, i) => { if (lesson.done.includes(name)) tabs.children[i].classList.add("done"); });
   const panel = make("div", { role: "tabpanel", id: `panel-${lesson.step}`, ariaLabel: t(`step_${lesson.step}`) }, ...(q ? questionCards(lesson, q) : []), ...stepCards(page));
   const teacher = tick(t(lesson.teacher ? "answersShown" : "answersHidden"), lesson.teacher, (on) => { lesson.teacher = on; page.rebuild(); page.root.querySelector("aside .body").scrollTo(0, 0); }, { role: "switch", className: "switch", ariaLabel: t("teacher") });
   const notes = lesson.teacher && lesson.notes ? [make("details", { className: "card answer", open: lesson.at <= 0 }, make("summary", { textContent: t("plan") }), rendered(page.say(lesson.notes)))] : [];
@@ -291,7 +293,7 @@ function numberCard(lesson, q, field, i) {
   const { page } = lesson, { t } = page, label = page.say(field.label) ?? "", unit = page.say(field.unit) ?? "", asked = page.say(field.read_in) || unit, verdict = make("small", { role: "status" });
   const input = make("input", { type: "text", inputMode: "decimal", className: "field", readOnly: lesson.fixed, value: lesson.answers[q.key]?.[i] ?? "", ariaLabel: `${label} ${unit}`.trim() || t("yourAnswer"), autocomplete: "off" });
   const judge = () => {
-    const text = input.value.trim(), v = numberIn(text, unit), right = isRight(field, v), digits = text.replace(/^[^=]*=|\D*$/g, "").replace(/^[\s0.,−-]+|\D/g, ""), near = !q.rounds && Math.abs(v - field.answer) < 0.4 * Math.abs(field.answer) && Math.abs(v - field.answer) <= 0.5000001 * Math.abs(v) / Number(digits);   // rounded well, but too far: to half a step of its last digit
+    const text = input.value.trim(), v = numberIn(text, unit), right = isRight(field, v), digits = text.replace(/^[^=]*=|\D*$/g, "").replace(/^[\s0.,−-]+|\D/g, ""), near = (!q.rounds || digits.length > 1) && Math.abs(v - field.answer) < 0.4 * Math.abs(field.answer) && Math.abs(v - field.answer) <= 0.5000001 * Math.abs(v) / Number(digits);   // rounded well, but too far: to half a step of its last digit
     verdict.textContent = !text ? "" : Number.isNaN(v) ? t(!/\d/.test(text) ? "noNumber" : asked && /\p{L}/u.test(text) ? "notIn" : "bareNumber", { u: asked }) : q.step === "predict" ? "" : right ? t("correct") : near ? t("moreDigits") : t("lookAgain", { x: page.say(field.look) || label || t("thePicture") }) + (field.tolerance > 0 && !q.rounds ? ` · ${t("within", { e: `${general(field.tolerance, 1)} ${unit}` })}` : "");
     verdict.className = right ? "right" : "soft";
     if (right && q.step !== "predict") verdict.prepend(icon("tick"));
@@ -306,7 +308,7 @@ function guessCards(lesson, q) {
   lesson.tally = make("div", { className: "tally", role: "status" }, box("hit", "tick"), box("miss", "ring"), box("false", "cross"));
   lesson.small = q.until > SMALL ? [] : Array.from({ length: q.until }, (_, i) => make("canvas", { className: "small" }));
   lesson.small.forEach((canvas, i) => { canvas.dataset.g = i + 1; });
-  const pictures = lesson.small.map((canvas, i) => make("button", { type: "button", onclick: () => page.seek(i + 1) }, canvas, make("small", { textContent: t("generationOnly", { g: i + 1 }) })));
+  const pictures = lesson.small.map((canvas, i) => make("button", { type: "button", onclick: () => page.seek(i + 1) }, canvas, make("small", { textContent: t("upTo", { g: i + 1 }) })));
   return [lesson.tally, ...(pictures.length ? [make("div", { className: "card pictures" }, ...pictures)] : [])];
 }
 
@@ -316,6 +318,7 @@ function stepCards(page) {
   const about = panels.about ? [fold(t("about"), panels.about())] : [], look = fold(t("look"), panels.look()), cards = [cardsBox(page)], alone = page.mode?.alone && page.look.mode !== "guess";
   const free = page.limit === Infinity, code = panels.code ? [fold(t("code"), panels.code(), true)] : [], story = alone ? [] : [storyCard(page)], charts = free ? [parts.charts] : [];
   if (lesson.step === "predict") return lesson.secret ? [] : [...about, ...cards];
+  if (!touchable && lesson.wide.matches) { page.stageBox.append(...charts.splice(0)); page.stageBox.classList.toggle("low", page.sides[0] > 1.6 * page.sides[1]); }   // curves to be read stand beside the picture, so that the fields are in reach
   parts.presets = page.presets.map((preset) => button(page.nameOf(preset), () => { page.load(preset); page.seek(Math.min(lesson.question?.show?.generation ?? 0, lesson.limit)); }));
   const { marked, show: { rule: typed, sentence } = {} } = lesson.question ?? {}, few = (open) => fold(t("rule"), rulePanel(page, true), open), read = typed || !touchable ? charts.splice(0) : [];   // below a question stands what is asked for
   const tries = touchable && page.presets.length > 1 ? [...(marked === undefined ? [] : [make("small", { className: "soft", textContent: t("markedFor", { p: page.nameOf(page.presets[marked]) }) })]), make("div", { className: "presets" }, ...page.presets.map((preset, n) => make("div", {}, parts.presets[n], ...(page.say(preset.note) ? [rendered(page.say(preset.note))] : []))))] : [];

@@ -114,11 +114,13 @@ export class MotionPage extends Page {
     const log = low === 0 && high > 0 && (!this.moved ? /load|mises/ : this.born ? /load|gap/ : /^$/).test(name);
     if (low < 0) { high = Math.max(high, -low); low = -high; }
     this.scales.set(name, known);
+    if (name === "density") high = 1;             // its ends are those of every body
     return Object.assign(known, { low: log ? high * (name === "gap" ? 1e-6 : 1e-4) : low, high: high || 1, log });
   }
 
   drawBody() {
-    const { inks, look, t } = this, view = this.view = new View(this.canvas, this.run.lattice, look.camera, { foot: this.whole.some(({ force }) => force[1] > 0) ? 96 : 64 }), { ctx, r } = view;
+    const { inks: own, look, t } = this, inks = look.colour === "density" ? { ...own, steps: [own.paper, ...own.steps.slice(1)], packed: Uint32Array.from(own.packed, (ink, n) => (n ? ink : packed(rgb(own.paper)))) } : own;   // where all has gone nothing is seen
+    const view = this.view = new View(this.canvas, this.run.lattice, look.camera, { foot: this.whole.some(({ force }) => force[1] > 0) ? 96 : 64 }), { ctx, r } = view;
     ctx.setTransform(r, 0, 0, r, 0, 0); ctx.clearRect(0, 0, view.w, view.h);
     const { secret } = this.lesson ?? {};         // neither colours nor a deformed shape tell what is to be guessed
     this.times = look.deformed && this.moved && !secret ? this.magnification() : 0;
@@ -126,6 +128,10 @@ export class MotionPage extends Page {
     const inkOf = (v) => (Number.isNaN(v) ? unknown : colourOf(v, scale, inks)), ink = (part) => (scale ? inkOf(this.value(part)) : plain);
     if (this.corners === 2) this.drawSprings(view, ink); else this.drawParts(view, ink);
     if (this.outlines?.length) this.cutOut(view);
+    if (this.corners > 2 && !this.solid) {        // a dark edge
+      ctx.save(); ctx.resetTransform(); Object.assign(ctx, { globalCompositeOperation: "destination-over", shadowColor: inks.ink, shadowBlur: 2 * r });
+      ctx.drawImage(view.canvas, 0, 0); ctx.restore();
+    }
     for (const line of this.ground) this.paintGround(view, line);
     this.loads.paint(view);
     if (this.picked >= 0 && this.there(this.picked)) {
@@ -133,7 +139,7 @@ export class MotionPage extends Page {
       ctx.strokeStyle = inks.paper; ctx.lineWidth = 5; ctx.beginPath(); ctx.arc(x, y, 9, 0, 7); ctx.stroke();
       ctx.strokeStyle = inks.ink; ctx.lineWidth = 2; ctx.stroke();
     }
-    if (scale) paintLegend(view, scale, this.word(look.colour), this.kindOf(scale), (v) => quantity(v, this.unitOf(look.colour)), inks);
+    if (scale && !(this.lesson?.step === "step" && this.g === 0 && look.colour !== "density")) paintLegend(view, scale, this.word(look.colour), this.kindOf(scale), (v) => quantity(v, this.unitOf(look.colour)), inks);
     const level = this.visits[this.g], block = Array(this.dimension).fill(2 ** level).join("×");
     this.parts.cap.textContent = this.told || [level > 0 && t("parents", { n: block }), this.times && Math.abs(this.times - 1) > 1e-9 && t("magnified", { n: quantity(this.times, "") }), this.lesson && t("measures", { s: this.sides.map((side) => quantity(Number(side.toPrecision(3)), "m")).join(" × ") }), this.lesson && this.corners === 2 && t(this.pulls ? "pulledMark" : "heldMark"), this.breaking.length > 0 && t("breaksNow"), this.lesson && this.breaking.length > 0 && this.g === this.run.generation && this.parts.verdict.textContent].filter(Boolean).join(" · ");
   }
@@ -180,8 +186,6 @@ export class MotionPage extends Page {
     ctx.globalCompositeOperation = "destination-over";   // parts that moved apart a little get their neighbours' colours between them, no edge
     for (const [x, y] of [[r, 0], [-r, 0], [0, r], [0, -r]]) ctx.drawImage(view.canvas, x, y);
     ctx.globalCompositeOperation = "destination-in"; ctx.drawImage(mask, 0, 0);
-    Object.assign(ctx, { globalCompositeOperation: "destination-over", shadowColor: inks.ink, shadowBlur: 2 * r });
-    ctx.drawImage(view.canvas, 0, 0);            // a dark edge
     ctx.restore();
   }
   drawSprings(view, ink) {
@@ -221,8 +225,8 @@ export class MotionPage extends Page {
   words() {
     const { t, g, run, along, at } = this, shares = along === "stage" && at.at(-1) === 1 && at.length > 2, counts = along !== "s" && at.at(-1) === run.generation;
     const moment = () => (counts ? t(`along_${along}`) : `${t(`along_${shares ? "share" : along}`)} ${quantity(at[g], "")} ·`);   // of what is counted once is enough
-    this.tellTime(along === "s" ? `${t("time")} ${quantity(at[g], "s")}` : `${moment()} ${t("moment", { g, n: run.generation })}`);
-    this.parts.verdict.hidden = !this.outcome || (this.along === "share" || (this.lesson && this.born) ? this.lesson : g < run.generation) || this.limit < run.generation;   // how it ended is told at the end, but no lesson's number
+    this.tellTime(along === "s" ? `${t("time")} ${general(at[g], 4)} s` : `${moment()} ${t("moment", { g, n: run.generation })}`);
+    this.parts.verdict.hidden = !this.outcome || (this.along === "share" || (this.lesson && (this.born || this.along === "step")) ? this.lesson : g < run.generation) || this.limit < run.generation;   // how it ended is told at the end, but no lesson's number
     this.tell();
     this.drawCurves();
   }
@@ -241,9 +245,9 @@ export class MotionPage extends Page {
     if (!box.isConnected) return;
     const { lesson } = this, seen = this.seen = Math.max(this.seen ?? 0, g), limit = lesson?.step !== "step" || lesson.teacher ? Infinity : at[seen];   // what a lesson lets read is played first
     const list = lesson?.curves ? lesson.curves.flatMap((name) => curveList.find(({ title }) => title.startsWith(name)) ?? []) : curveList.slice(0, 6), most = (list) => Math.max(...list.map(Math.abs)), shown = (lines, all = Object.entries(lines)) => all.filter(([, list]) => all.length < 4 || most(list) > 0.01 * Math.max(...Object.values(lines).map(most)));   // of many, those that are not nothing
-    if (g && lesson && this.canvas.clientWidth < 520 && !(this.breaking.length && g === this.run.generation)) this.parts.cap.textContent = list.filter(({ place }) => !place).map(({ title, unit, at: over, lines }) => `${named(title)}: ${Object.values(lines).map((line) => quantity(line[over.findLastIndex((v) => v <= at[g])], unit)).join(", ")}`).join(" · ");   // on a phone the charts are a long way down
+    if (g && lesson && this.canvas.clientWidth < 520 && !(this.breaking.length && g === this.run.generation)) this.parts.cap.textContent = list.filter(({ place }) => !place).map(({ title, unit, at: over, lines }) => `${named(title)}: ${Object.values(lines).map((line) => quantity(line[over.findIndex((v) => v >= at[g])], unit)).join(", ")}`).join(" · ");   // on a phone the charts are a long way down
     paintGrid(box, list.map(({ title, unit, at: over, axis, lines, logarithmic, course, bars, place }) =>
-      ({ word: named(title), unit, over, lists: shown(lines).map(([, list]) => list), names: shown(lines).map(([name]) => named(name)), now: place ? null : at[g], log: logarithmic, course, bars, axis, limit: place && limit < at.at(-1) ? -Infinity : limit })), inks);
+      ({ word: named(title), unit, over, lists: shown(lines).map(([, list]) => list), names: shown(lines).map(([name]) => named(name)), now: place ? null : at[g], log: logarithmic, course, bars, axis, end: place || course ? 0 : at.at(-1), limit: place && limit < at.at(-1) ? -Infinity : limit })), inks);
   }
   seekChart(event) {
     const { curveList, at } = this;

@@ -251,6 +251,7 @@ export class Page {
   }
   /** Ends of the colours, from the last generation, so that frames compare. */
   scale(colour = this.look.colour) {
+    if (this.run.grown && ["taken", "now"].includes(colour)) return { low: 0, high: this.values(colour).reduce((top, x) => (x > top ? x : top), 0) || 1 };   // one scale for all of it would show one colour for long
     if (!this.scales.has(colour)) {
       const keep = this.g;
       let high = 0;
@@ -307,15 +308,16 @@ export class Page {
     this.loads.paint(view);
     if (this.picked >= 0) paintPick(view, L.cell(this.picked), inks);
     if (part.window) view.ctx.clearRect(0, view.h - 52, view.w, 52);
-    if (!box.w && !this.lesson?.secret) paintLegend(view, scale, this.word(look.colour), this.kindOf(scale), (v) => quantity(v, UNITS[look.colour]), inks);
+    if (!box.w && (!this.lesson || this.g > 0)) paintLegend(view, scale, this.word(look.colour), this.kindOf(scale), (v) => quantity(v, UNITS[look.colour]), inks);
     const scaled = moved ? t("magnified", { n: quantity(factor, "") }) : run.grown && this.g >= run.generation ? t("grown") : run.atRest && !run.generation ? t("nothing") : "";
     const ruled = this.deformable && !box.w && moved ? t("keepsNone") : "";   // beside cuts a card says so
+    const more = look.colour === "taken" && !box.w && this.canvas.clientWidth > 520 && !run.grown && values.some((v) => v > 1.001 * run.applied) ? t("takenMore") : "";
     const sensed = look.arrows && !box.w && run.C > L.D ? t("arrowKey") : "";
     const read = this.picked >= 0 && storyOf(this, this.picked), took = read ? `(${read.cell.join(", ")}): ${t("took")} ${quantity(read.total, "N")}` : "", asked = this.lesson?.question?.show?.rule ? `${t("agents")}: ${run.alive[this.g - 1] ?? 0}` : "";   // on a phone the panel is a long way down
-    this.parts.cap.textContent = this.told || [asked, took, scaled, ruled, sensed].filter(Boolean).join(" · ");
+    this.parts.cap.textContent = this.told || [asked, took, scaled, ruled, more, sensed].filter(Boolean).join(" · ");
   }
   /** What a legend says of its scale: in a lesson also that other examples have another. */
-  kindOf({ log }) { return this.t(log ? "log" : "linear") + (this.lesson?.several ? ` · ${this.t("ownScale")}` : ""); }
+  kindOf({ log }) { return this.t(log ? "log" : "linear") + (this.lesson?.several && this.look.colour !== "density" ? ` · ${this.t("ownScale")}` : ""); }
   words() {
     const { run, t, parts, g } = this, done = this.over;
     this.tellTime(this.limit < run.generation ? t("generationOnly", { g }) : t(done ? "generation" : "running", { g, n: run.generation }));
@@ -333,8 +335,8 @@ export class Page {
     const { parts, t, run, g } = this, on = Boolean(this.playing);
     parts.count.textContent = parts.time.ariaValueText = text;
     this.canvas.ariaLabel = `${this.say(this.title) || "kaju"}. ${text}`;
-    if (this.lesson && !this.timed) this.look.speed = [1, 2, 4, 8, 15, 30, 60].find((n) => run.generation <= 20 * n) ?? 60;   // nobody watches for minutes
-    parts.time.max = run.generation; parts.time.value = g; parts.speed.value = this.look.speed;
+    if (!this.timed) this.look.speed = [1, 2, 4, 8, 15, 30, 60].find((n) => run.generation <= (this.lesson ? 20 * n : n < 8 ? 0 : 10 * n)) ?? 60;   // nobody watches for minutes
+    Object.assign(parts.time, { max: Math.min(run.generation, this.limit), value: g }); parts.speed.value = this.look.speed;   // no guess is told how long it goes on
     tellMarks(this); this.lesson?.tell();
     if (parts.shows === on) return;
     parts.shows = on;

@@ -366,7 +366,7 @@ export function paintLegend({ ctx, w, h }, scale, label, kind, show, inks, ticks
   ctx.fillText(label, Math.max(4, x - over), y - 3, w - 120);
   ctx.fillStyle = inks.soft; ctx.textAlign = "right"; ctx.fillText(kind, x + n + Math.max(0, over - x + 4), y - 3);
   colours.forEach((colour, i) => { ctx.fillStyle = colour; ctx.fillRect(x + Math.round(i * n / colours.length), y, Math.ceil(n / colours.length), 10); });
-  ctx.textBaseline = "top"; ctx.fillStyle = inks.soft;
+  Object.assign(ctx, { textBaseline: "top", fillStyle: inks.soft, strokeStyle: inks.line, lineWidth: 1 }); ctx.strokeRect(x - 0.5, y - 0.5, n + 1, 11);
   let free = -Infinity;
   const word = (v, text) => {
     const at = x + n * place(v, scale), wide = ctx.measureText(text).width / 2, middle = Math.max(x + wide, Math.min(x + n - wide, at));

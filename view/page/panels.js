@@ -70,14 +70,13 @@ export function buildFooter(page) {
 
 /** The numbers under the timeline: every generation while they are few, then round ones. */
 export function tellMarks(page) {
-  const { parts: { marks }, run: { generation: n }, limit } = page, open = Math.min(n, limit), key = `${n} ${open} ${page.view?.w}`;
+  const { parts: { marks }, run, limit } = page, n = Math.min(run.generation, limit), key = `${n} ${page.view?.w}`;
   if (page.marked === key && marks.childElementCount) return;
   const room = Math.floor(marks.clientWidth / 28);
   page.marked = key;
   const every = [1, 2, 5, 10, 20, 50, 100, 200, 500, 1000].find((e) => n / e < room) ?? 2000, list = [];
   const named = page.along === "s" ? page.seconds(room) : Array.from({ length: Math.floor(n / every) + 1 }, (_, i) => [i * every, i * every]);
-  if (room > 1) for (const [g, text] of named) list.push(make("span", { textContent: text, style: `left: ${100 * g / (n || 1)}%`, className: g > open ? "shut" : "" }));
-  if (open < n) list.push(make("i", { style: `left: ${100 * open / n}%` }));
+  if (room > 1) for (const [g, text] of named) if (g <= n) list.push(make("span", { textContent: text, style: `left: ${100 * g / (n || 1)}%` }));
   marks.replaceChildren(...list);
 }
 
@@ -87,6 +86,7 @@ export function buildAside(page) {
   const { t, parts } = page;
   parts.verdict = make("div", { className: "verdict", role: "status" });
   parts.story = make("div", { className: "story", role: "status", ariaLabel: t("agent") });
+  parts.charts?.remove();
   parts.charts = make("div", { className: "charts", role: "img", ariaLabel: t("charts"), onpointerdown: (e) => page.seekChart(e) });
   const { tabs, body, foot = [] } = page.lesson ? lessonSide(page) : freeSide(page);
   const grip = button("", () => { page.host.dataset.sheet = page.sheet = (page.sheet + 1) % 3; page.later(); }, { className: "grip", ariaLabel: t("sheet"), title: t("sheet") });

@@ -47,7 +47,8 @@ MEANINGS = {
     "largest_change": "of a density, in the last step",
     "largest_hoop_stress_Pa": "the largest by amount along that outline; below 0 it is pressed",
     "largest_load_factor": "times the loads of the scene",
-    "largest_stress_Pa": "mean over one agent: less than at its edges; a goal tells these",
+    "largest_corner_stress_Pa": "at a corner of an agent, a cell away from where it has no limit",
+    "largest_stress_Pa": "mean over one agent; there may be twice as much within it",
     "load_dropped": "not above γ, so it woke nobody",
     "load_taken": "by all agents; a load counts again in each that passes it on",
     "material_agents": "cells of the body that a load above γ woke",
@@ -64,7 +65,10 @@ MEANINGS = {
 NAMES = {
     "spectral_radius": "growth_if_added_up",
     "seconds": "time_taken",
+    "largest_corner_stress_Pa": "largest_von_Mises_Pa",
+    "largest_corner_stress_at_m": "largest_von_Mises_at_m",
     "largest_stress_Pa": "largest_mean_von_Mises_Pa",
+    "largest_stress_at_m": "largest_mean_at_m",
     "load_dropped": "load_ended",
     "goals": "goal",
 }

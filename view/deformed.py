@@ -242,11 +242,18 @@ def stress_text(result: ElasticResult) -> str:
         return asked[:-2]
     found, along = result.largest_stress, result.largest_along()
     name = max(along, key=lambda name: abs(along[name]), default="")
-    if name and abs(along[name]) > found.value:
+    # along an outline the hoop stress is the better one
+    if name and abs(along[name]) > max(found.value, 0.95 * found.corner):
         return f"{asked}largest stress {quantity(abs(along[name]), 'Pa')} along {name!r}"
-    at = ", ".join(quantity(place, "m") for place in found.at)
-    words = f"{asked}largest mean stress {quantity(found.value, 'Pa')} at ({at})"
-    return f"{words}, without limit: {found.no_limit}" if found.no_limit else words
+    mean, where = quantity(found.value, "Pa"), found.corner_at
+    words, more = "largest von Mises", f", at a corner of an agent (largest mean {mean})"
+    if found.corner and found.no_limit:
+        more = f", a cell away from stress without limit: {found.no_limit}"
+    elif found.corner <= found.value:
+        words, where = "largest mean stress", found.at
+        more = f", without limit: {found.no_limit}" if found.no_limit else ""
+    value = quantity(found.value if where is found.at else found.corner, "Pa")
+    return f"{asked}{words} {value} at ({', '.join(quantity(x, 'm') for x in where)}){more}"
 
 
 def plot_cells_deformed(

@@ -64,12 +64,14 @@ def is_stepped(grid: Scene) -> bool:
 
 
 def no_limit(result: ElasticResult, agent: int) -> str:
-    """Return why stress of an agent has no limit; empty if it has, or it is unknown."""
+    """Return why stress in an agent's cell has no limit; empty if it has, or it is unknown."""
+    cell = result.grid.lattice.cell_size
+    lower = cell * np.floor(result.middle[agent] / cell)
     if result.scene.outlined:  # in space nobody looks
-        away = result.sharp_corners - result.lower[agent]
-        near = ((away >= 0.0) & (away <= result.size[agent])).all(axis=1)
+        away = result.sharp_corners - lower
+        near = ((away >= 0.0) & (away <= cell)).all(axis=1)
         return "a sharp corner, or the end of a support" if near.any() else ""
-    ends = result.lower[agent] + result.size[agent] * corner_order(result.lower.shape[1])
+    ends = lower + cell * corner_order(len(lower))
     reason = next(filter(None, (singular_at(result.grid, end) for end in ends)), "")
     either = "a step of an outline that is not along the axes, or a re-entrant corner"
     return either if reason == RE_ENTRANT and is_stepped(result.grid) else reason

@@ -29,12 +29,17 @@ ROUND = np.array([[-1, -1], [0, -1], [0, 0], [-1, 0]])
 
 
 def sharp_corners(scene: Scene) -> Floats:
-    """Return the points (m) at which stresses grow without limit; none in space."""
-    lattice = scene.lattice
-    for reasons, which in _patterns(scene) if lattice.dimension == 2 else ():
-        points = np.argwhere(np.array([bool(reason) for reason in reasons])[which])
-        return np.asarray(points * lattice.cell_size * (lattice.shape if scene.uniform else (1, 1)))
-    return np.empty((0, lattice.dimension))
+    """Return the points (m) at which stresses grow without limit; in space middles of edges."""
+    lattice, d = scene.lattice, scene.lattice.dimension
+    found = [np.empty((0, d))]
+    for across, (reasons, which) in zip(combinations(range(d), 2), _patterns(scene), strict=False):
+        sharp = np.array([bool(reason) for reason in reasons])[which]
+        step, first = np.array(lattice.shape if scene.uniform else [1] * d), np.zeros(d)
+        for axis in set(range(d)).difference(across):
+            sharp = np.repeat(sharp, step[axis], axis)
+            step[axis], first[axis] = 1, 0.5
+        found.append(first + step * np.argwhere(sharp))
+    return np.asarray(lattice.cell_size * np.concatenate(found))
 
 
 def reasons_in(scene: Scene) -> list[str]:

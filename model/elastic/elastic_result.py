@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 import numpy as np
 
 from kaju import __version__
-from kaju.arrays import Flags, Floats, Ints, first_largest
+from kaju.arrays import Flags, Floats, Ints, first_largest, nearest
 from kaju.errors import KajuError, ParameterError, ResultError, suggestion
 from kaju.model.elastic.arguments import check_numbers
 from kaju.model.elastic.caveats import caveats_of, no_limit, refuse_singular, unproved
@@ -54,12 +54,19 @@ if TYPE_CHECKING:
     import pandas
 
 
+MOST_LOOKED_AT = 20_000  # agents whose corners are looked at, those of the largest means
+
+
 class LargestStress(NamedTuple):
     """The largest equivalent (von Mises) stress of an answer, that of an agent."""
 
     value: float  # Pa
     at: tuple[float, ...]  # The agent's middle (m), or a point of the body near to it
     no_limit: str  # Why it grows without limit as agents shrink; empty if nothing is known
+    # The largest that its stresses reach at a corner of an agent, a cell or more away from where
+    # stress has no limit (Pa; 0 if no corner is so far away), and where (m)
+    corner: float
+    corner_at: tuple[float, ...]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -352,7 +359,30 @@ class ElasticResult(BodyResult):
         # of agents with hardly any body the mean tells little
         agent = first_largest(self.von_mises * (self.area > 0.01 * self.size**2))
         place = tuple(self.place_in(agent).tolist())
-        return LargestStress(float(self.von_mises[agent]), place, no_limit(self, agent))
+        mean = float(self.von_mises[agent]), place, no_limit(self, agent)
+        return LargestStress(*mean, *self._at_corners())
+
+    def _at_corners(self) -> tuple[float, tuple[float, ...]]:
+        """Return the largest equivalent stress at a corner of an agent, and where; `LargestStress`.
+
+        One stress alone is wild at the corners of thin parts; that all reach it is not.
+        """
+        cut, h, d = self.cut_agents, self.grid.lattice.cell_size, self.scene.lattice.dimension
+        if cut is not None:
+            own, points, told = cut.at_corners()
+        else:
+            own = np.repeat(np.argsort(-self.von_mises, kind="stable")[:MOST_LOOKED_AT], 2**d)
+            ends = np.tile(corner_order(d), (len(own) // 2**d, 1))
+            points = self.lower[own] + self.size[own, None] * ends
+            inside = points + 1e-6 * (self.middle[own] - points)
+            told = self.found.stresses_at(inside, np.floor(inside / h).astype(np.int64))
+        law, plane = self.found.law[own], self.scene.plane
+        reached = [equivalent_stress(one, self.found.moduli, law, plane) for one in told]
+        value = self.found.scales.stress * np.min(reached, axis=0)
+        if len(sharp := sharp_corners(self.grid) if cut is None else self.sharp_corners):
+            value *= nearest(sharp, points)[0] > 0.999 * self.scene.lattice.cell_size
+        at = first_largest(value)
+        return float(value[at]), tuple(points[at].tolist())
 
     def place_in(self, agent: int) -> Floats:
         """Return the middle (m) of an agent; of one that an outline cuts, a point of the body."""
@@ -363,6 +393,8 @@ class ElasticResult(BodyResult):
     @cached_property
     def sharp_corners(self) -> Floats:
         """Points (m) at which stresses grow without limit under refinement; of plane bodies."""
+        if self.scene.lattice.dimension == 3:
+            return np.empty((0, 3))
         cut = self.cut_agents
         return sharp_corners(self.grid) if cut is None else cut.ground.without_limit
 
@@ -499,7 +531,7 @@ class ElasticResult(BodyResult):
 
     def summary(self) -> dict[str, Any]:
         """Return the key figures as plain numbers and strings."""
-        size, least = self.size, ROUNDING * self._forces
+        size, least, found = self.size, ROUNDING * self._forces, self.largest_stress
         told = {name: f * (np.abs(f) > least) + 0.0 for name, f in self.reactions.items()}
         figures: dict[str, Any] = {
             "rule": "elastic",
@@ -511,9 +543,11 @@ class ElasticResult(BodyResult):
             "strain_energy": self.strain_energy,
             "error_estimate": finite(self.error_estimate),
             "max_displacement": self.max_displacement,
-            "largest_stress_Pa": self.largest_stress.value,
-            "largest_stress_at_m": list(self.largest_stress.at),
-            "largest_stress_has_no_limit": self.largest_stress.no_limit or None,
+            "largest_corner_stress_Pa": found.corner or None,
+            "largest_corner_stress_at_m": list(found.corner_at) if found.corner else None,
+            "largest_stress_Pa": found.value,
+            "largest_stress_at_m": list(found.at),
+            "largest_stress_has_no_limit": found.no_limit or None,
             "largest_hoop_stress_Pa": self.largest_along() or None,
             "reaction": {name: force.tolist() for name, force in told.items()},
             "couple_Nm": {name: np.asarray(c).tolist() for name, c in self.couples.items()},

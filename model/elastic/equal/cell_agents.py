@@ -161,6 +161,10 @@ class CellAgents(OnCells):
         """Return stress tensors at points (m) in or on cells of the grid."""
         return fields.stress_at(self.parts, self._laws, *self._within(points, cells))
 
+    def stresses_at(self, points: Floats, cells: Ints) -> tuple[Floats, ...]:
+        """Return the only stress of equal cells, as `PairAgents` returns those of opinions."""
+        return (self.stress_at(points, cells),)
+
     @cached_property
     def _laws(self) -> NDArray[np.int32]:
         """Index of the law of each of the box's cells, equal for equal moduli; below 0 outside."""

@@ -110,16 +110,12 @@ class PairAgents(OnCells):
     @cached_property
     def stress(self) -> Floats:
         """Stress tensors of the agents: in the plane means over each."""
-        return self._told(*self.opinions.means)
-
-    def _told(self, balanced: Floats, fitted: Floats) -> Floats:
-        """Return the stress that is told: of two the mean, whose error the gap tells exactly."""
-        return 0.5 * (balanced + fitted) if self.two_minds else fitted
+        return np.asarray(np.mean(self.opinions.means, axis=0))
 
     @property
     def balanced(self) -> Floats:
         """Mean stress tensors of the opinion that balances; in space of the only one."""
-        return np.asarray(self.opinions.means[0 if self.two_minds else 1])
+        return np.asarray(self.opinions.means[0])
 
     def reactions(self) -> dict[str, Floats]:
         """Return the force of every support on the body."""
@@ -139,9 +135,14 @@ class PairAgents(OnCells):
         """Return the displacement at points (m) in or on cells of the grid."""
         return np.asarray(self.opinions.displacement_at(*self.placed(points, cells)))
 
+    def stresses_at(self, points: Floats, cells: Ints) -> tuple[Floats, ...]:
+        """Return stress tensors at points (m) in or on cells of the grid, of each opinion."""
+        told: tuple[Floats, ...] = self.opinions.stresses_at(*self.placed(points, cells))
+        return told
+
     def stress_at(self, points: Floats, cells: Ints) -> Floats:
         """Return stress tensors at points (m) in or on cells of the grid."""
-        return self._told(*self.opinions.stresses_at(*self.placed(points, cells)))
+        return np.asarray(np.mean(self.stresses_at(points, cells), axis=0))
 
     def law_at(self, points: Floats, cells: Ints) -> Ints:
         """Return the index of the moduli of the agents in or on which points lie."""

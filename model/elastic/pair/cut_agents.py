@@ -150,6 +150,14 @@ class CutAgents(PairAgents):
         mesh = self.opinions.fitting.mesh
         return mesh.leaf, [self.ground.edge * mesh.place[mesh.triangle]]
 
+    def at_corners(self) -> tuple[Ints, Floats, tuple[Floats, Floats]]:
+        """Return whose corners of triangles these are, where (m), and both stresses there."""
+        mesh, kind = self.opinions.balancing.mesh, self.material
+        leaf, at = np.repeat(mesh.leaf, 3), mesh.place[mesh.triangle]
+        inside = (at + 1e-6 * (at.mean(axis=1, keepdims=True) - at)).reshape(-1, 2)
+        told = self.opinions.stresses_at(leaf, inside, kind[leaf])
+        return leaf, self.ground.edge * at.reshape(-1, 2), told
+
     @cached_property
     def along(self) -> dict[str, HoopStress]:
         """The stresses along every named outline but those of rigid regions, scaled."""

@@ -141,9 +141,13 @@ class CutPair:
         balanced, fitted = np.where(some[1], balanced, fitted), np.where(some[0], fitted, balanced)
         return tensors(balanced), tensors(fitted)
 
-    def stresses_at(self, leaf: Ints, places: Floats) -> tuple[Floats, Floats]:
+    def stresses_at(
+        self, leaf: Ints, places: Floats, material: Ints | None = None
+    ) -> tuple[Floats, Floats]:
         """Return tensors of the stress that balances and of the strain that fits, at places."""
-        material, own = self.body.material_at(self.body.edge * places), self.body.own_laws
+        own = self.body.own_laws
+        if material is None:
+            material = self.body.material_at(self.body.edge * places)
         law = np.array([list(self.laws[0]).index(one) for one in own])[material]
         strain = self.fitting.strain_at(leaf, places, law)
         fitted = np.einsum("na,nab->nb", strain, np.array([one.stiffness for one in own])[material])

@@ -132,13 +132,14 @@ class Generation:
 def generation_of(found: Any, chosen: Flags) -> Generation:
     """Return what is kept of a generation of which some agents are to spawn."""
     bounds, body, leaves, unit = found.bounds, found.body, found.leaves, found.body.scales
-    balanced, fitted = (
+    *balanced, fitted = (
         unit.stress * equivalent_stress(stress, body.moduli, leaves.kind, body.asked.plane)
         for stress in found.means
     )
     both = bounds.lower, bounds.upper
     lower, upper = (None if body.no_bound else unit.energy * x for x in both)
-    arrays = (leaves.code, leaves.size, unit.energy * found.shares, fitted, balanced, chosen)
+    first = balanced[0] if balanced else np.full(len(leaves), np.nan)
+    arrays = (leaves.code, leaves.size, unit.energy * found.shares, fitted, first, chosen)
     return Generation(bounds.error, unit.energy * bounds.energy, lower, upper, *arrays)
 
 

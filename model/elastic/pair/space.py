@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from math import nan, sqrt
+from math import sqrt
 
 import numpy as np
 import scipy.sparse as sp
@@ -119,14 +119,13 @@ class Bricks(Fitting):
         error = sqrt(float(self.shares.sum()) * self.wanting / (2.0 * abs(self.energy) or 1.0))
         return Bounds(self.energy, self.energy, error, False)
 
-    def stresses_at(self, agent: Ints, inside: Floats) -> tuple[Floats, Floats]:
-        """Return the stress that balances, which there is not, and the one that fits."""
-        fitted = tensors(np.einsum("nc,nca->na", trilinear(inside), self._read_stress[agent]))
-        return np.full_like(fitted, nan), fitted
+    def stresses_at(self, agent: Ints, inside: Floats) -> tuple[Floats]:
+        """Return tensors of the only stress there is, the one that fits."""
+        return (tensors(np.einsum("nc,nca->na", trilinear(inside), self._read_stress[agent])),)
 
     @cached_property
-    def means(self) -> tuple[Floats, Floats]:
-        """Both in the middles."""
+    def means(self) -> tuple[Floats]:
+        """The same in the middles."""
         return self.stresses_at(np.arange(len(self.leaves)), np.full((len(self.leaves), 3), 0.5))
 
     def reactions(self) -> dict[str, Floats]:

@@ -245,15 +245,15 @@ def stress_text(result: ElasticResult) -> str:
     # along an outline the hoop stress is the better one
     if name and abs(along[name]) > max(found.value, 0.95 * found.corner):
         return f"{asked}largest stress {quantity(abs(along[name]), 'Pa')} along {name!r}"
-    mean, where = quantity(found.value, "Pa"), found.corner_at
-    words, more = "largest von Mises", f", at a corner of an agent (largest mean {mean})"
+    words, value, place = "largest von Mises", found.corner, found.corner_at
+    more = f", at a corner of an agent (largest mean {quantity(found.value, 'Pa')})"
     if found.corner and found.no_limit:
         more = f", a cell away from stress without limit: {found.no_limit}"
     elif found.corner <= found.value:
-        words, where = "largest mean stress", found.at
+        words, value, place = "largest mean stress", found.value, found.at
         more = f", without limit: {found.no_limit}" if found.no_limit else ""
-    value = quantity(found.value if where is found.at else found.corner, "Pa")
-    return f"{asked}{words} {value} at ({', '.join(quantity(x, 'm') for x in where)}){more}"
+    at = ", ".join(quantity(x, "m") for x in place)
+    return f"{asked}{words} {quantity(value, 'Pa')} at ({at}){more}"
 
 
 def plot_cells_deformed(

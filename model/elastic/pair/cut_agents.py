@@ -150,7 +150,7 @@ class CutAgents(PairAgents):
         mesh = self.opinions.fitting.mesh
         return mesh.leaf, [self.ground.edge * mesh.place[mesh.triangle]]
 
-    def at_corners(self) -> tuple[Ints, Floats, tuple[Floats, Floats]]:
+    def at_corners(self) -> tuple[Ints, Floats, tuple[Floats, ...]]:
         """Return whose corners of triangles these are, where (m), and both stresses there."""
         mesh, kind = self.opinions.balancing.mesh, self.material
         leaf, at = np.repeat(mesh.leaf, 3), mesh.place[mesh.triangle]

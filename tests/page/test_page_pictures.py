@@ -12,11 +12,9 @@ from kaju.model.network import NetworkModel, jittered, pulled, triangular
 from kaju.view.fracture_plots import BREAKS, bearing
 from kaju.view.page.data import motion_data
 
-FARTHEST = (
-    "Math.max(...Array.from({ length: page.moved[page.g].length / page.dimension }, "
-    "(_, i) => page.far(page.moved[page.g], i)))"
-)
+FARTHEST = "Math.max(...page.moved[page.g].map((_, i, at) => page.far(at, i / page.dimension | 0)))"
 """How far anything has moved in the present frame."""
+THERE = "Array.from({ length: page.count }, (_, i) => page.there(i))"
 
 
 def plate(force=(0.0, -2.0), **changes):
@@ -108,20 +106,10 @@ def outlined():
     return solve(plate_with_a_hole(), tolerance=0.1)
 
 
-@pytest.mark.parametrize(
-    "make",
-    [
-        elastic_agents,
-        spawned,
-        network,
-        noodle,
-        lambda: solve(plate()),
-        grown,
-        cracked,
-        torn,
-        outlined,
-    ],
-)
+KINDS = [elastic_agents, spawned, network, noodle, grown, cracked, torn, outlined]
+
+
+@pytest.mark.parametrize("make", [*KINDS, lambda: solve(plate())])
 def test_every_kind_plays_without_a_word_to_the_console(shown, make):
     page = shown(make(), title=make.__name__)
     assert page.text(".mode") == "a recorded run"
@@ -161,6 +149,16 @@ def test_outlines_are_lines_that_the_agents_move():
     assert len(curve["at"]) == len(told) == len(stress)
 
 
+def test_what_is_rigid_holds_all_round_its_outline():
+    bolt = {"disk": {"centre": [0.05, 0.15], "radius": 0.01}, "outline": "true"}
+    lines = motion_data(solve(plate_with_a_hole().with_region("rigid", **bolt), 0.5))[0]["ground"]
+    round_it = [line for line in lines if line["out"] != [-1.0, 0.0]]
+    assert (len(round_it), len(lines)) == (24, 25)  # and the left side
+    start, end, out = (np.array([line[k] for line in round_it]) for k in ("from", "to", "out"))
+    inward = [0.05, 0.15] - 0.5 * (start + end)
+    np.testing.assert_allclose(out, inward / np.linalg.norm(inward, axis=1, keepdims=True), 1e-9)
+
+
 def test_an_answer_at_rest_is_told_once_and_shown_in_shares(shown):
     page = shown(solve(plate()))
     shares = page.js("page.at")
@@ -169,9 +167,6 @@ def test_an_answer_at_rest_is_told_once_and_shown_in_shares(shown):
     for frame in (0, 7):
         shown = page.js(f"(page.goTo({frame}), [page.value(3), {FARTHEST}])")
         assert shown == pytest.approx([shares[frame] * stress, shares[frame] * far])
-
-
-THERE = "Array.from({ length: page.count }, (_, i) => page.there(i))"
 
 
 def test_agents_cut_by_an_outline_spawn_one_generation_after_another(shown):
@@ -200,8 +195,7 @@ def test_a_body_that_grew_is_told_step_by_step():
     assert header["curves"][0]["lines"]["compliance"] == result.compliances.tolist()
     assert header["curves"][1]["lines"]["volume"] == pytest.approx(100.0 * result.volumes)
     assert header["outcome"] == result.outcome
-    (force,) = header["forces"]
-    assert force["force"] == [1.0, -2.0]
+    assert [force["force"] for force in header["forces"]] == [[1.0, -2.0]]
 
 
 @pytest.mark.parametrize(("broken", "name"), [(cracked, "stress"), (torn, "tension")])

@@ -39,3 +39,9 @@ def test_every_language_has_every_word_and_its_gaps(file):
         for key, text in words["en"].items():
             holes, theirs = (set(re.findall(r"{(\w+)", t)) for t in (text, words[language][key]))
             assert theirs == holes, (language, key)
+
+
+def test_a_logarithmic_axis_has_several_ticks(node):
+    ask = 'import { ticksOf } from "./charts.js"; tell(data.map((d) => ticksOf(...d, 5, true)))'
+    told = node(ask, [[0.8, 19.0], [1e-5, 1.0], [0.011, 0.019]])
+    assert told == [[1, 2, 5, 10], [1e-5, 1e-4, 1e-3, 0.01, 0.1, 1], [0.012, 0.014, 0.016, 0.018]]

@@ -28,9 +28,11 @@ export function paintGrid(box, charts, inks) {
 /** Which part of a chart's axis a press is at, from 0 to 1. */
 export const partOf = ({ offsetX, target }) => Math.max(0, Math.min(1, (offsetX - LEFT) / (target.clientWidth - LEFT - RIGHT)));
 
-/** Three to five round numbers between two: 1, 2 or 5 times a power of ten apart. */
-export function ticksOf(low, high, most = 4) {
+/** Three to five round numbers between two: 1, 2 or 5 times a power of ten apart; on a `log` axis powers of ten, where they are few also 2 and 5 times these. */
+export function ticksOf(low, high, most = 4, log = false) {
   if (!(high > low)) return [low];
+  const powers = (digits) => Array.from({ length: 2 + Math.log10(high / low) }, (_, k) => digits.map((f) => Number(`${f}e${Math.floor(Math.log10(low)) + k}`))).flat().filter((v) => v >= low && v <= high), fine = log ? powers([1, 2, 5]) : [];
+  if (fine.length > 1) return fine.length < 7 ? fine : powers([1]);
   const rough = (high - low) / most, power = 10 ** Math.floor(Math.log10(rough)), step = power * [1, 2, 5, 10].find((f) => f * power >= rough * (1 - 1e-9));
   const list = [];
   for (let n = Math.ceil(low / step - 1e-9); n * step <= high * (1 + 1e-9); n++) list.push(Number((n * step).toPrecision(12)));
@@ -57,7 +59,7 @@ function paintHead(ctx, room, words) {
 function paintChart(ctx, box, { word, unit, lists, shown, names, over, now, log = false, course = false, bars = false, axis = "", end = 0 }, inks) {
   let top = 0, low = log ? Infinity : 0;
   for (const list of lists) for (const v of list) { if (v > top) top = v; if (v < low && (!log || v > 0)) low = v; }
-  if (log && !(low < top)) low = top / 10 || 0.1;
+  if (log) low = low < top ? low * (low / top) ** 0.08 : top / 10 || 0.1;   // no curve lies on the axis
   const least = Math.min(...lists.flat()), near = !log && least > 0.7 * top && top - least > 1e-3 * top;   // what hardly changes is looked at closely, but no rounding
   if (near) { low = least - 0.1 * (top - least); top += 0.1 * (top - least); }
   if (!(top > low)) top = low + 1;
@@ -70,9 +72,9 @@ function paintChart(ctx, box, { word, unit, lists, shown, names, over, now, log 
   const x = LEFT, y = head, w = box.w - LEFT, h = box.h - head - FOOT;
   const map = log ? (v) => Math.log10(Math.max(v, low)) : (v) => v, from = map(low), span = map(top) - from || 1, X = (at) => x + w * (at - first) / reach, Y = (v) => y + h - h * (map(v) - from) / span;
   ctx.font = FONT; ctx.lineWidth = 1; ctx.strokeStyle = inks.hair; ctx.fillStyle = inks.soft; ctx.textAlign = "right";
-  for (const v of log ? Array.from({ length: Math.floor(map(top)) - Math.ceil(from) + 1 }, (_, i) => 10 ** (Math.ceil(from) + i)) : ticksOf(low, top, 3)) {
+  for (const v of ticksOf(low, top, log ? 5 : 3, log)) {
     ctx.beginPath(); ctx.moveTo(x, Y(v)); ctx.lineTo(x + w, Y(v)); ctx.stroke();
-    ctx.fillText(short(v, log ? 1 : near ? 3 : 2), x - 5, Y(v), LEFT - 6);
+    ctx.fillText(short(v, log || near ? 3 : 2), x - 5, Y(v), LEFT - 6);
   }
   ctx.strokeStyle = inks.soft; ctx.beginPath(); ctx.moveTo(x, y); ctx.lineTo(x, y + h); ctx.lineTo(x + w, y + h); ctx.stroke();
   ctx.textBaseline = "top";

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import zlib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict, replace
 from typing import Any
 
@@ -16,8 +16,9 @@ from kaju.arrays import Floats, Ints
 from kaju.errors import ParameterError, SceneError
 from kaju.model.results.result import Curves, Result, solved_scene
 from kaju.model.scene import Scene
-from kaju.model.scene.cell_types import AIR
-from kaju.model.scene.lattice import BUILT_IN
+from kaju.model.scene.cell_types import AIR, INSIDE
+from kaju.model.scene.curves import flattened
+from kaju.model.scene.lattice import BUILT_IN, area_of
 from kaju.model.scene.selection import BY_SIDE, BY_SURFACE, PULL, PUSH
 from kaju.model.transfer.deformation import axial_strain
 from kaju.model.transfer.stage import Stage, Totals
@@ -259,8 +260,6 @@ def motion_data(result: Result) -> tuple[dict[str, Any], Columns]:
     for name, (_, values) in motion.values.items():
         columns[f"value {name}"] = values.astype(np.float32)
     scene = getattr(result, "scene", getattr(result, "subject", None))
-    if isinstance(scene, Scene) and scene.outlined:
-        scene = solved_scene(result)
     forces = []
     if arrows := motion.forces:
         wide = np.broadcast_to(arrows.wide, len(arrows.force))
@@ -277,7 +276,7 @@ def motion_data(result: Result) -> tuple[dict[str, Any], Columns]:
         "shares": [] if motion.shares is None else np.round(motion.shares, 9).tolist(),
         "visits": list(motion.visits),
         "outcome": motion.outcome,
-        "ground": ground_of(scene, bool(motion.outlines)) if isinstance(scene, Scene) else [],
+        "ground": [*ground_of(scene, result)] if isinstance(scene, Scene) else [],
         "outlines": list(motion.outlines),
     }
     return header, columns
@@ -312,17 +311,27 @@ def _curve_data(curves: Curves) -> dict[str, Any]:
     }
 
 
-def ground_of(scene: Scene, outlined: bool = False) -> list[dict[str, Any]]:
-    """Return the lines (m) along which a body of squares is held, with the way out of it."""
+def ground_of(asked: Scene, result: Result) -> Iterator[dict[str, Any]]:
+    """Yield the lines (m) along which a body of squares is held, with the way out of it."""
+    scene = solved_scene(result) if asked.outlined else asked
     lattice = scene.lattice
     if scene.outlined or lattice.kind != "square" or lattice.size > MOST_CELLS:
-        return []
-    cells, lines = np.argwhere(scene.rasterise() >= 0), []
+        return
+    for number, region in enumerate(asked.body.regions if asked.outlined else ()):
+        where = f"body.regions.{number}"
+        lines = region.shape_in(asked.lattice, where).outline() if region.material == INSIDE else ()
+        for ring in [flattened(arcs, max(1, 24 // len(arcs))) for arcs in lines]:
+            way = np.roll(ring, -1, axis=0) - ring
+            out = np.sign(area_of(ring)) * np.stack([-way[:, 1], way[:, 0]], axis=1)
+            out /= np.linalg.norm(way, axis=1)[:, None]
+            for line in zip(ring.tolist(), (ring + way).tolist(), out.tolist(), strict=True):
+                yield dict(zip(("from", "to", "out"), line, strict=True), kind="rigid")
+    cells = np.argwhere(scene.rasterise() >= 0)
     for arm, normal in enumerate(lattice.normals):
         axis = int(np.abs(normal).argmax())
         beside, step = lattice.neighbours(cells, arm), np.eye(2, dtype=int)[1 - axis]
-        # within outlines rigid holes are drawn as others
-        kinds = np.where(outlined & lattice.contains(beside), AIR, scene.kinds(beside))
+        # within outlines rigid holes are held along these, not along cells
+        kinds = np.where(asked.outlined & lattice.contains(beside), AIR, scene.kinds(beside))
         side = 0.5 * (1.0 - step) + 0.5 * normal  # of a cell: where its face lies
         for kind, (name, _) in SUPPORTS.items():
             held = cells[kinds == kind]
@@ -332,5 +341,4 @@ def ground_of(scene: Scene, outlined: bool = False) -> list[dict[str, Any]]:
                 first, last = (
                     lattice.cell_size * (row[[0, -1]] + side + [0 * step, step])
                 ).tolist()
-                lines.append({"from": first, "to": last, "out": normal.tolist(), "kind": name})
-    return lines
+                yield {"from": first, "to": last, "out": normal.tolist(), "kind": name}

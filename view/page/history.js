@@ -29,9 +29,8 @@ export class Sums {
     const { log: { offset, index, value }, sum, marks } = this;
     const g = Math.min(generation, offset.length - 1);
     if (g < this.at) {
-      const mark = Math.min(marks.length - 1, Math.floor(g / EVERY));
-      if (mark >= 0) sum.set(marks[mark]); else sum.fill(0);
-      this.at = mark >= 0 ? EVERY * mark : 0;
+      const mark = Math.min(marks.length - 1, Math.floor(g / EVERY));   // there is one of the beginning
+      sum.set(marks[mark]); this.at = EVERY * mark;
     }
     for (; this.at < g; this.at++) {
       if (this.at === EVERY * marks.length && marks.length * this.size < 2e7) marks.push(sum.slice());

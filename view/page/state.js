@@ -66,8 +66,7 @@ export async function copyLink(page) {
 /** Open what a link says; a link that cannot be read changes nothing and says so. */
 export async function follow(page, packed) {
   try {
-    const base64 = packed.replaceAll("-", "+").replaceAll("_", "/");
-    const told = JSON.parse(new TextDecoder().decode(await through(bytesOf(base64), new DecompressionStream("deflate-raw"))));
+    const told = JSON.parse(new TextDecoder().decode(await through(bytesOf(packed.replaceAll("-", "+").replaceAll("_", "/")), new DecompressionStream("deflate-raw"))));
     const cells = told.cells ? Int8Array.from(told.cells) : page.start?.cells;
     if (told.scene && page.touchable) {
       Object.assign(page, { scene: told.scene, cells, stage: told.stage, factor: told.factor });

@@ -19,7 +19,7 @@ from kaju.model.elastic.moduli import scene_moduli
 from kaju.model.elastic.pair.leaves import LeafCells
 from kaju.model.elastic.scales import Scales
 from kaju.model.scene import Body, Scene
-from kaju.model.scene.cell_types import INSIDE
+from kaju.model.scene.cell_types import INSIDE, PINNED
 from kaju.model.scene.curves import Point
 
 from . import true_shapes
@@ -113,14 +113,18 @@ class OutlinedBody:
         self.own_laws = [*map(Law, (0.5 * (stretch + lateral)).tolist(), shear.tolist())]
         """The law of every material."""
         names = [material.name for material in scene.cell_materials]
-        laws = dict(zip([*names, INSIDE], [*self.own_laws, RIGID], strict=True))
+        laws = dict(zip([*names, INSIDE, PINNED], [*self.own_laws, RIGID, RIGID], strict=True))
         self.true = _body(scene, self.edge, self.shape, laws)
         regions = enumerate(self.true.regions)
         named = [region.name or f"region {k}" for k, region in enumerate(scene.body.regions)]
         self.rigid = {k: named[k] for k, region in regions if region.law == RIGID}
         """Of each rigid region the name of the support that it is."""
+        self.pivots = np.full((len(self.true.regions) + 1, 2), np.nan)
+        """What each pinned region turns about, the middle of its area; NaN for others, last none."""
         for which in self.rigid:
             self._check_rigid(which)
+            if scene.body.regions[which].material == PINNED:
+                self.pivots[which] = self.true.regions[which].lines[0].middle
         kinds = {name: scene.side_condition(name).kind for name in SIDES}
         self.held = {
             name: (0, 1) if kind == "rigid" else (SIDES[name][0],)
@@ -141,6 +145,8 @@ class OutlinedBody:
             told = "reaches the side of the array; hold this by [sides], or draw it smaller"
         elif AIR in below or RIGID in below:
             told = "lies in the air, and holds nothing; let the body surround it"
+        elif len(lines) > 1 and self.asked.body.regions[which].material == PINNED:
+            told = f"and pinned has {len(lines)} outlines; give each a region of its own"
         elif any(regions[which].part_of(later) for later in regions[which + 1 :]):
             told = "lies below or around a later region; give the rigid one last, around nothing"
         else:
@@ -340,7 +346,7 @@ class OutlinedBody:
         Edges of these are the body's, or nobody's without `edges`.
         """
         asked, body = self.asked, self.asked.body
-        number = {INSIDE: -2} | {one.name: k for k, one in enumerate(asked.cell_materials)}
+        number = {INSIDE: -2, PINNED: -2} | {one.name: k for k, one in enumerate(asked.cell_materials)}
         found = np.full(len(points), number.get(str(body.material), -1))
         for k, region in enumerate(body.regions):
             shape, of = region.shape_in(asked.lattice, f"body.regions.{k}"), region.material

@@ -160,6 +160,14 @@ class ClosedLine:
         both = np.where(left, chord, -tip), np.where(left, tip, -chord)
         return np.array([one[there].sum() for one in both])
 
+    @property
+    def middle(self) -> Floats:
+        """The middle of the area that it holds."""
+        start = flattened(self.arcs, 64)
+        end = np.roll(start, -1, axis=0)
+        twice = cross(start - start[0], end - start[0])
+        return np.asarray(start[0] + twice @ (start + end - 2.0 * start[0]) / (3.0 * twice.sum()))
+
     def ring(self, outer: bool) -> Floats:
         """Return the corners of the outer or inner polygon, counter-clockwise. Shape (n, 2)."""
         frames = ArcFrames(self.arcs)

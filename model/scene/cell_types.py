@@ -23,8 +23,9 @@ NAMES: Final = {
 }
 NOT_BODY: Final = {
     **dict.fromkeys(("air", "water", "gas", "vacuum"), AIR),
-    "rigid": RIGID,
+    **dict.fromkeys(("rigid", "pinned"), RIGID),
     "roller": ROLLER,
 }
 """What scenes call a cell that is not body: whatever surrounds it gives loads back like air."""
 INSIDE: Final = "rigid"  # Name of the support that rigid cells inside the array give.
+PINNED: Final = "pinned"  # What is rigid, and turns about its middle: within true outlines alone.

@@ -14,7 +14,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.csgraph import breadth_first_order, minimum_spanning_tree
 
-from kaju.arrays import Flags, Floats, Ints
+from kaju.arrays import Flags, Floats, Ints, nearest
 from kaju.factors import factors_of
 from kaju.model.outline.posed_outlines import UnlikeError
 from kaju.model.outline.true_shapes import TINY, Law
@@ -119,7 +119,13 @@ class CutFitting(CutField):
         more = fixed.size + 2 * np.arange(len(child))
         near: Entries = [(2 * child + j, 2 * above + j, 1.0) for j in (0, 1)]
         near += [(2 * child + j, more + j, 1.0) for j in (0, 1)]
-        way, follows = followed(near, fixed.size + 2 * len(child))
+        # what is pinned turns by an angle, of each outline one; edges stay straight
+        pin = np.isfinite(border.pivot[:, 0])
+        start, angle = border.ends[pin, 0], fixed.size + 2 * len(child) + border.outline[pin]
+        arm = mesh.place[start] - border.pivot[pin]
+        near += [(2 * start, angle, -arm[:, 1]), (2 * start + 1, angle, arm[:, 0])]
+        count = fixed.size + 2 * len(child) + int(border.outline.max(initial=0)) + 1
+        way, follows = followed(near, count)
         follows[: fixed.size] |= fixed.ravel()
         free = sp.csr_array(way[: fixed.size, np.flatnonzero(~follows)])
         dof = (2 * of[:, :, None] + np.arange(2)).reshape(-1, 12)
@@ -131,8 +137,10 @@ class CutFitting(CutField):
 
     def displacement_at(self, leaf: Ints, points: Floats) -> Floats:
         """Return the displacement at points of leaves, (n, 2); beyond the body that beside it."""
-        out = np.zeros((len(points), 2))  # beside what is rigid nothing moves
         some, triangle, share = self._there(leaf, points)
+        out = np.zeros((len(points), 2))
+        # beside what is rigid or pinned all moves as the nearest vertex
+        out[~some] = self.value.reshape(-1, 2)[nearest(self.mesh.place, points[~some])[1]]
         values = np.concatenate([share, 4.0 * share * np.roll(share, -1, axis=1)], axis=1)
         out[some] = np.einsum("nk,nkd->nd", values, self.own[triangle].reshape(-1, 6, 2))
         return out

@@ -210,11 +210,18 @@ class Border:
     held: Flags  # components of the displacement, shape (n, 2)
     side: Ints  # number of the array's side, -1 on an outline
     outline: Ints  # region whose outline it lies on, -1 for none
+    pivot: Floats  # what a pinned outline turns about, NaN for others, shape (n, 2)
 
     @property
     def run(self) -> Floats:
         """From end to end of each edge."""
         return self.at[:, 1] - self.at[:, 0]
+
+    @property
+    def spots(self) -> Floats:
+        """Where each edge bears forces: at its ends, and along a pin as if at its pivot."""
+        pivot = self.pivot[:, None]
+        return np.where(np.isfinite(pivot), pivot, self.at)
 
     @property
     def outward(self) -> Floats:
@@ -257,7 +264,8 @@ class Border:
             traction[on] = outward[on] @ one.stress
         traction[held] = tilt[held] = 0.0
         given, tilted = traction * length[:, None], tilt * length[:, None]
-        return cls(owner, side_of, edge, ends, at, given, tilted, held, side, outline)
+        pivot = body.pivots[outline]
+        return cls(owner, side_of, edge, ends, at, given, tilted, held, side, outline, pivot)
 
     def rim(self, mesh: CutMesh, weight: Floats) -> Rim:
         """Return how φ and its slopes grow along the border."""
@@ -269,7 +277,8 @@ class Border:
         rise = ((0.5 * slope + bulge * (2.0 / 3.0)) * self.run).sum(axis=1)
         across = (bulge * mesh.normal[self.edge]).sum(axis=1)
         growth = np.column_stack([rise, slope])
-        return Rim(self.owner, THIRDS[self.side_of], self.edge, ~self.held, growth, across)
+        sides = THIRDS[self.side_of]
+        return Rim(self.owner, sides, self.edge, ~self.held, growth, across, self.pivot)
 
     def forces(self, mesh: CutMesh) -> Floats:
         """Return the work of the tractions on the unknowns of a displacement."""

@@ -31,7 +31,7 @@ def loose_parts(mesh: CutMesh, border: Border, body: OutlinedBody) -> Flags:
     loose = np.zeros(count, dtype=np.bool_)
     for number in range(count):
         edge, axis = np.nonzero(border.held & (own == number)[:, None])
-        points = border.at[edge].reshape(-1, 2) - border.at[edge[:1], 0]
+        points = border.spots[edge].reshape(-1, 2) - border.at[edge[:1], 0]
         motion = free_motion(rigid_motions(points, np.repeat(axis, 2)), 2)
         loose[number] = bool(motion)
         if motion and (body.weight.any() or border.given[own == number].any()):
@@ -171,5 +171,6 @@ class CutPair:
         even, tilt = borne.mean(axis=0), np.diff(borne, axis=0)[0] / 12**0.5
         force = np.stack([even - tilt, even + tilt])[:, edge, axis].ravel()
         rows = np.tile(of[edge], 2), border.at[edge].swapaxes(0, 1).reshape(-1, 2)
-        found = dict.fromkeys(names.values(), np.zeros(3))
-        return found | resultants(names, *rows, np.tile(axis, 2), force)
+        found, spots = dict.fromkeys(names.values(), np.zeros(3)), border.spots[edge]
+        spots = spots.swapaxes(0, 1).reshape(-1, 2)
+        return found | resultants(names, *rows, np.tile(axis, 2), force, spots)

@@ -47,6 +47,7 @@ class Rim:
     # By how much these make phi grow beyond a linear function, and its slopes; shape (m, 3)
     growth: Floats
     bulge: Floats  # And by how much the slope across is off a linear one in the middle; shape (m,)
+    pivot: Floats  # The point about which they bear no couple, NaN if there is none; shape (m, 2)
 
 
 class Sheets:
@@ -124,6 +125,8 @@ class Sheets:
         """Cut the body to the right of holes that are held or bear a force, the loops `cuts`."""
         corner, at = self.corner, self.place[self.corner]
         self.cuts = np.flatnonzero(self.hole & (borne | ~self.closed.all(axis=1)))
+        self.pivot = self.rim.pivot[self.begins[self.cuts]]
+        self.pinned = np.isfinite(self.pivot[:, 0])
         self.base, self.beyond = np.arange(self.vertices), np.zeros((self.vertices, 0), dtype=int)
         if not len(self.cuts):
             return
@@ -169,7 +172,11 @@ class Sheets:
         part, borne = self.part[self.begins], np.zeros((self.part.max() + 1, 3), dtype=np.bool_)
         np.logical_or.at(borne, part[self.cuts], ~self.closed[self.cuts])
         known = self.closed & (self.hole[:, None] | ~borne[part])
-        self.unbalanced = float(np.abs(rest[known]).max(initial=0.0)) / self.forces
+        off = np.abs(rest[known]).max(initial=0.0)
+        for outer in np.flatnonzero(self.closed[:, 0] & ~self.hole):
+            if len(held := self._held(outer, 0)) == 1 and self.pinned[held[0]]:
+                off = max(off, abs(self.left_by[outer] @ [1.0, *self.pivot[held[0]]]))
+        self.unbalanced = float(off) / self.forces
         """Share of all forces by which those on a part of the body do not balance."""
 
     def way(self, more: Entries, others: int = 0) -> tuple[sp.csr_array, Ints, Floats]:
@@ -232,17 +239,43 @@ class Sheets:
         some = np.flatnonzero(value)
         return [(row[some], np.full(len(some), self.one), value[some])]
 
+    def _held(self, outer: int, k: int) -> Ints:
+        """Return the cuts of a part whose jumps are not known, those that bear couples last."""
+        in_part = self.part[self.begins[self.cuts]] == self.part[self.begins[outer]]
+        held = np.flatnonzero(in_part & ~self.closed[self.cuts, k])
+        return held[np.argsort(~self.pinned[held], kind="stable")]
+
     def _shut(self, fixed: Flags) -> Entries:
         """Say what forces and couples of cuts are known, or what the border leaves room for."""
-        shut, part = self.closed[self.cuts], self.part[self.begins]
+        shut, pin = self.closed[self.cuts], np.flatnonzero(self.pinned)
         cut, given = np.nonzero(shut)
         fixed[self.jump : self.jump + shut.size] = shut.ravel()
         entries = self._as_known(self.jump + 3 * cut + given, self.jumps_by[cut, given])
+        # A jump is the couple about each point; at the pivot of a pin there is none.
+        for axis in (0, 1):
+            arm = -self.pivot[pin, axis]
+            entries.append((self.jump + 3 * pin, self.jump + 3 * pin + 1 + axis, arm))
         for outer, k in np.argwhere(self.closed & ~self.hole[:, None]).tolist():
-            left = np.flatnonzero((part[self.cuts] == part[outer]) & ~shut[:, k])
+            held = self._held(outer, k)
+            if k == 0 and self.pinned[held].all():
+                entries += self._levered(outer, held)
+                continue
             # All together they are known: the last is what the others leave.
-            row = self.jump + 3 * left + k
+            row = self.jump + 3 * held + k
             entries += self._as_known(row[-1:], np.repeat(self.left_by[outer, k], len(row[-1:])))
-            fixed[row[-1:]] = len(left) == 1
+            fixed[row[-1:]] = len(row) == 1
             entries.append((np.repeat(row[-1:], max(len(row) - 1, 0)), row[:-1], -1.0))
         return entries
+
+    def _levered(self, outer: int, held: Ints) -> Entries:
+        """Say what one of several pins bears along an axis, by the couples about the last one."""
+        if len(held) < 2:
+            return []
+        last = self.pivot[held[-1]]
+        arm = (last - self.pivot[held[:-1]]).ravel()
+        row = (self.jump + 3 * held[:-1, None] + [1, 2]).ravel()
+        most = int(np.abs(arm).argmax())  # the longest lever
+        rest = np.delete(np.arange(len(row)), most)
+        known = self.left_by[outer] @ [1.0, *last] / arm[most]
+        entries = self._as_known(row[[most]], np.array([known]))
+        return [*entries, (np.repeat(row[most], len(rest)), row[rest], -arm[rest] / arm[most])]

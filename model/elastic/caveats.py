@@ -159,12 +159,9 @@ def _of_bolts(result: ElasticResult) -> Iterator[str]:
     # What moves forces by less than a hundredth is small.
     least = 0.01 * max(result.scene.lattice.extent) * max(map(np.linalg.norm, borne), default=0.0)
     found = [(name, result.couples[name]) for name in (cut.ground.rigid.values() if cut else ())]
-    if told := [f"{name!r} {couple:.4g} Nm" for name, couple in found if abs(couple) > least]:
-        yield (
-            f"rigid holes do not turn: they bear couples ({', '.join(told)}), and bolts do not; "
-            "real bolts may bear larger forces than these: see *Bolts* in the tutorial *Your first "
-            "bracket*"
-        )
+    if told := [f"{name!r} {couple:.4g} N·m" for name, couple in found if abs(couple) > least]:
+        borne = f"rigid holes bear couples ({', '.join(told)})"
+        yield f'{borne}; bolts let the part turn: take material = "pinned"'
 
 
 def _of_outlines(result: ElasticResult) -> Iterator[str]:

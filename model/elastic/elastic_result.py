@@ -428,8 +428,7 @@ class ElasticResult(BodyResult):
         known, units = self.found.along, self.found.scales
         if name not in known:
             told = f"outline_stress: there is no outline {name!r}{suggestion(str(name), known)}"
-            told += f"; there is {', '.join(known) or 'none with a name'}"
-            raise ResultError(f"{told} (of rigid regions no stress is known at the edge)")
+            raise ResultError(f"{told}; there is {', '.join(known) or 'none with a name'}")
         return units.length * known[name].place, units.stress * known[name].moved
 
     def largest_along(self, component: str = HOOP) -> dict[str, float]:
@@ -533,6 +532,7 @@ class ElasticResult(BodyResult):
         """Return the key figures as plain numbers and strings."""
         size, least, found = self.size, ROUNDING * self._forces, self.largest_stress
         told = {name: f * (np.abs(f) > least) + 0.0 for name, f in self.reactions.items()}
+        hoop = {name: s for name, s in self.largest_along().items() if name not in told}
         figures: dict[str, Any] = {
             "rule": "elastic",
             "plane": self.scene.plane,
@@ -548,7 +548,7 @@ class ElasticResult(BodyResult):
             "largest_stress_Pa": found.value,
             "largest_stress_at_m": list(found.at),
             "largest_stress_has_no_limit": found.no_limit or None,
-            "largest_hoop_stress_Pa": self.largest_along() or None,
+            "largest_hoop_stress_Pa": hoop or None,
             "reaction": {name: force.tolist() for name, force in told.items()},
             "couple_Nm": {name: np.asarray(c).tolist() for name, c in self.couples.items()},
             "method": self.found.solution.method,

@@ -76,7 +76,9 @@ class HoopStress:
         strain = tensors(pair.fitting.strain_at(leaf, middle, law) * [1.0, 1.0, 0.5])
         turned = "na,nab,nb->n"
         tension = np.einsum(turned, n, stress, n)
-        stretch = np.einsum(turned, d, strain, d)
+        # along what is rigid or pinned nothing stretches
+        held = region in pair.body.rigid
+        stretch = 0.0 * tension if held else np.einsum(turned, d, strain, d)
         k, g = np.array(pair.laws[1]).reshape(-1, 2)[law].T
         moved = (4.0 * k * g * stretch + (k - g) * tension) / (k + g)
         across = (

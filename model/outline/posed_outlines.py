@@ -120,7 +120,7 @@ class OutlinedBody:
         self.rigid = {k: named[k] for k, region in regions if region.law == RIGID}
         """Of each rigid region the name of the support that it is."""
         self.pivots = np.full((len(self.true.regions) + 1, 2), np.nan)
-        """What each pinned region turns about, the middle of its area; NaN for others, last none."""
+        """The middle that each region turns about if it is pinned, else NaN; last for none."""
         for which in self.rigid:
             self._check_rigid(which)
             if scene.body.regions[which].material == PINNED:
@@ -135,8 +135,9 @@ class OutlinedBody:
 
     def _check_rigid(self, which: int) -> None:
         """Refuse a rigid region that does not hold the body with all of its outline."""
-        regions, where = self.true.regions, f"body.regions.{which}.material"
-        check_alone(regions, which, f"{where}: what is rigid", "support")
+        regions, material = self.true.regions, self.asked.body.regions[which].material
+        what = f"body.regions.{which}.material: what is {material}"
+        check_alone(regions, which, what, "support")
         lines = [line.arcs for line in regions[which].lines]
         at = np.array([arcs[0, 0, :2] / arcs[0, 0, 2] for arcs in lines])
         below = self._below(which, at)
@@ -145,13 +146,13 @@ class OutlinedBody:
             told = "reaches the side of the array; hold this by [sides], or draw it smaller"
         elif AIR in below or RIGID in below:
             told = "lies in the air, and holds nothing; let the body surround it"
-        elif len(lines) > 1 and self.asked.body.regions[which].material == PINNED:
-            told = f"and pinned has {len(lines)} outlines; give each a region of its own"
+        elif len(lines) > 1 and material == PINNED:
+            told = f"has {len(lines)} outlines, which turn alone; give each a region of its own"
         elif any(regions[which].part_of(later) for later in regions[which + 1 :]):
-            told = "lies below or around a later region; give the rigid one last, around nothing"
+            told = "lies below or around a later region; give the support last, around nothing"
         else:
             return
-        raise SceneError(f"{where}: what is rigid {told}")
+        raise SceneError(f"{what} {told}")
 
     def _below(self, which: int, points: Floats) -> list[Law]:
         """Return the laws that regions before one give points."""
@@ -232,7 +233,7 @@ class OutlinedBody:
         check_alone(regions, which, f"{where}: {name!r}", "load")
         region = regions[which]
         if region.law == RIGID:
-            raise SceneError(f"{where}: {name!r} is rigid and holds the body; load another one")
+            raise SceneError(f"{where}: {name!r} holds the body; load another one")
         # the outline meets no other: what holds one point of it holds all
         at = region.arcs[0, :1, :2] / region.arcs[0, :1, 2:]
         above = holding([one.rings(True) for one in regions[which + 1 :]], at)
@@ -346,7 +347,9 @@ class OutlinedBody:
         Edges of these are the body's, or nobody's without `edges`.
         """
         asked, body = self.asked, self.asked.body
-        number = {INSIDE: -2, PINNED: -2} | {one.name: k for k, one in enumerate(asked.cell_materials)}
+        number = {INSIDE: -2, PINNED: -2} | {
+            one.name: k for k, one in enumerate(asked.cell_materials)
+        }
         found = np.full(len(points), number.get(str(body.material), -1))
         for k, region in enumerate(body.regions):
             shape, of = region.shape_in(asked.lattice, f"body.regions.{k}"), region.material

@@ -155,6 +155,7 @@ class Body(Described):
 
 _WORDS = ("free", "rigid", "roller")
 HELD_AS = dict.fromkeys(("fixed", "clamped", "pinned", "encastre", "ground", "built-in"), "rigid")
+HELD_AS |= dict.fromkeys(("pin", "hinge", "bolt"), "pinned")
 HELD_AS |= dict.fromkeys(("symmetry", "symmetric", "slider", "sliding"), "roller")
 """What others call them."""
 _FORMS = 'a side is "free", "rigid", "roller", {stiffness = N/m³} or {displacement = [m, m]}'

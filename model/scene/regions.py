@@ -168,7 +168,7 @@ class Region(_Shaped):
     Exactly one shape; a cell belongs to it if its centre lies inside or on the edge.
     """
 
-    material: Text = Field(description='a material\'s name, "air", "rigid" or "roller"')
+    material: Text = Field(description='a material\'s name, "air", "rigid", "pinned" or "roller"')
     cylinder: shapes.Cylinder | None = None
     surface: SurfaceFile | None = None  # no arc is guessed behind its triangles
     ellipse: shapes.Ellipse | None = None

@@ -21,7 +21,7 @@ from kaju.agents.materials import LIBRARY, Material, meant_material
 from kaju.arrays import Flags, Ints
 from kaju.errors import SceneError, SupportError, suggestion
 
-from .cell_types import AIR, DISPLACED, FOUNDATION, NOT_BODY, RIGID, ROLLER
+from .cell_types import AIR, DISPLACED, FOUNDATION, NOT_BODY, PINNED, RIGID, ROLLER
 from .description import FREE, HELD_AS, Body, Description, SideCondition, check_side
 from .lattice import Cells, Lattice
 from .pictures import Picture, check_count, check_size, from_array, from_drawing, from_image
@@ -287,6 +287,11 @@ def _materials(
         keys.setdefault(region.material, f"body.regions.{number}.material")
     found = LIBRARY | dict(described)
     for name, key in keys.items():
+        if name == PINNED and not body.outlined:
+            raise SceneError(
+                f"{key}: only regions with true outlines in the plane can be {name}; give all "
+                'regions outline = "true", or take "rigid", which does not turn'
+            )
         if name not in found and name not in NOT_BODY:
             names = list(dict.fromkeys([*described, *LIBRARY, *NOT_BODY]))
             bare = name.isascii() and name.isidentifier()  # else TOML quotes keys
@@ -472,7 +477,7 @@ def check_outlines(scene: Description, body: ResolvedBody) -> None:
 
 def _unproved(scene: Description, body: ResolvedBody) -> Iterator[tuple[object, str]]:
     """Yield whether a scene has what cells take alone, and what is to be done about it."""
-    solid, own, walls = body.lattice.dimension == 3, scene.body, ("rigid", "roller")
+    solid, own, walls = body.lattice.dimension == 3, scene.body, ("rigid", PINNED, "roller")
     fills = {own.material, *(region.material for region in own.regions)} - set(NOT_BODY)
     yield body.lattice.kind not in ("square", "cube"), "body.lattice: take squares or cubes"
     yield own.picture_key, f"body.{own.picture_key}: give cells and material"
@@ -480,7 +485,7 @@ def _unproved(scene: Description, body: ResolvedBody) -> Iterator[tuple[object, 
     yield own.material in walls, f"body.material: {own.material} is no body; take a material"
     for number, region in enumerate(own.regions):
         where = f"body.regions.{number}.material"
-        yield region.material in walls[not solid :], f"{where}: hold the body by [sides]"
+        yield region.material in walls[0 if solid else 2 :], f"{where}: hold the body by [sides]"
     if not fills:
         raise SceneError("body.regions: all is air; give a region, or the body, a material")
     yield solid and len(fills) > 1, "body.regions: in space take one material, beside air"

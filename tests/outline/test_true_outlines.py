@@ -246,13 +246,16 @@ def test_an_even_pressure_all_round_is_answered_exactly() -> None:
     assert answer.energy_bounds == pytest.approx((truth, truth), rel=1e-6)
 
 
-def test_rigid_holes_hold_what_is_round_them() -> None:
-    bolts = [disk(x, 0.05, 0.01, "rigid", f"bolt {x}") for x in (0.03, 0.07)]
+@pytest.mark.parametrize("material", ["rigid", "pinned"])
+def test_holes_hold_what_is_round_them(material: str) -> None:
+    bolts = [disk(x, 0.05, 0.01, material, f"bolt {x}") for x in (0.03, 0.07)]
     body = {"size": [0.2, 0.1], "cells": [8, 4], "material": "steel", "regions": bolts}
     loads = [{"side": "right", "force": [500.0, 200.0]}, {"side": "top", "couple": 30.0}]
     answer = kaju.solve(kaju.Scene(body=body, loads=loads), 0.06)
     assert answer.tolerance_kept == "proved"
-    assert any(note.startswith("rigid holes do not turn") for note in answer.notes)
+    couples = any(note.startswith("rigid holes bear couples") for note in answer.notes)
+    assert couples == any(answer.couples.values()) == (material == "rigid")
+    assert answer.summary()["largest_hoop_stress_Pa"] is None
     assert sum(answer.reactions.values()) == pytest.approx([-500.0, -200.0], abs=1e-6)
     arm = 0.04 * answer.reactions["bolt 0.07"][1] + 0.17 * 200.0 + 30.0  # about the first bolt
     assert arm + sum(answer.couples.values()) == pytest.approx(0.0, abs=1e-6)
@@ -272,6 +275,31 @@ def test_a_pressed_disk_on_a_rigid_shaft_is_lames(tolerance: float) -> None:
     assert lower < 1e7 * np.pi * 0.08 * moved < upper
     inner = E / (1 - NU**2) * a * (1 + NU + (1 - NU) * (0.03 / 0.031) ** 2)
     assert answer.stress_at([(0.131, 0.1)])[0, 0, 0] == pytest.approx(-inner, rel=tolerance)
+    edge = 2.0 * a * E / (1 - NU**2) * np.array([1.0, NU])  # pressures across and along it
+    mises = answer.value_of(kaju.Stress("shaft", "von_mises"))
+    assert mises == pytest.approx(np.sqrt((edge**2).sum() - edge.prod()), rel=0.01)
+    assert answer.outline_stress("shaft")[1] == pytest.approx(-edge[1], rel=0.01)
+
+
+@pytest.mark.parametrize("count", [2, 3])
+def test_the_bounds_of_pinned_parts_nest_and_no_pin_bears_a_couple(count: int) -> None:
+    rng = np.random.default_rng(count)
+    at = np.array([[0.03, 0.03], [0.1, 0.06], [0.16, 0.04]])[:count]
+    at += rng.uniform(-0.008, 0.008, at.shape)
+    corners = 0.01 * np.array([[1.0, 0.0], [-0.3, 0.9], [-0.7, -0.9]])  # their middle is (0, 0)
+    pins = [
+        {"polygon": (middle + corners).tolist(), "name": str(middle), "outline": "true"}
+        | {"material": "pinned"}
+        for middle in at
+    ]
+    body = {"size": [0.2, 0.1], "cells": [8, 4], "material": "steel", "regions": pins}
+    scene = kaju.Scene(body=body, loads=[{"side": "right", "force": [300.0, 800.0]}])
+    rough, fine = (kaju.solve(scene, tolerance) for tolerance in (0.1, 0.03))
+    assert rough.energy_bounds[0] < fine.energy_bounds[0]
+    assert fine.energy_bounds[1] < rough.energy_bounds[1]
+    borne = np.array([fine.reactions[str(middle)] for middle in at])
+    moment = (at[:, 0] * borne[:, 1] - at[:, 1] * borne[:, 0]).sum()
+    assert moment + 0.2 * 800.0 - 0.05 * 300.0 == pytest.approx(0.0, abs=1e-4)
 
 
 HOLE = disk(0.05, 0.05, 0.02, "air", "hole")
@@ -327,7 +355,8 @@ WAVE = {"path": "M.03.04Q.04.06.05.04T.07.04V.03H.03Z", "outline": "true"}
         (plate().with_region("rigid", **NEAR), r"regions\.1\.material: what is rigid meets"),
         (plate().with_region("rigid", box=[[0.06, 0], [0.08, 0.02]], outline="true"), "reaches"),
         (plate().with_region("rigid", **PIN).with_region("air", **DOT), "below or around"),
-        (plate().with_region("rigid", **PIN).replace(**ON_PIN), "'pin' is rigid"),
+        (plate().with_region("rigid", **PIN).replace(**ON_PIN), "'pin' holds"),
+        (plate().replace(sides={}).with_region("pinned", **PIN), "could turn"),
         (ring(0.1, 0.2).with_region("rigid", **NEAR), "holds nothing"),
         *(
             (plate().replace(body=BOX, loads=[{"outline": "box"} | load]), f"the side {side}")

@@ -160,20 +160,22 @@ class CutAgents(PairAgents):
 
     @cached_property
     def along(self) -> dict[str, HoopStress]:
-        """The stresses along every named outline but those of rigid regions, scaled."""
+        """The stresses along every named outline, scaled."""
         named = {k: one.name for k, one in enumerate(self.ground.asked.body.regions) if one.name}
-        free = [k for k in named if k not in self.ground.rigid]
-        return {named[k]: HoopStress.along(self.opinions, k) for k in free}
+        return {name: HoopStress.along(self.opinions, k) for k, name in named.items()}
 
     def remarks(self, asked: Stress | Deflection | None) -> list[str]:
         """Return notes on parts that hang on nothing, and on peaks that are not well known."""
-        notes, rough, coarse, mega = [], [], [], 1e-6 * self.scales.stress
+        notes, rough, coarse, reach, mega = [], [], [], [], 1e-6 * self.scales.stress
         if loose := self.opinions.loose:
             notes.append(
                 f"{loose} part{'s' * (loose > 1)} of the body without support and without load; "
                 "if a support was meant, give it"
             )
-        loaded = [load.outline for load in self.ground.asked.loads]
+        loaded, held = (
+            [load.outline for load in self.ground.asked.loads],
+            self.ground.rigid.values(),
+        )
         for name, every in self.along.items():
             along, sought = every.counted(), asked is not None and asked.at == name
             if not every.counts.all() and not sought:
@@ -187,6 +189,9 @@ class CutAgents(PairAgents):
                 continue
             peak, off = mega * float(along.moved[at]), mega * along.apart(at)
             reached = mega * float(along.equivalent.max())
+            if name in held:
+                reach.append(f"{reached:.4g} MPa along {name!r}")
+                continue
             if name in loaded and reached > 1.01 * abs(peak):
                 notes.append(
                     f"along {name!r} loads act on the edge, so the hoop stress is not the "
@@ -195,6 +200,11 @@ class CutAgents(PairAgents):
             # A peak that is off both fields there by more is noted.
             if off > 0.04 * abs(peak) and not sought:
                 rough.append(f"{peak:.4g} MPa at {name!r} may be off by about {off:.2g} MPa")
+        if reach:
+            notes.append(
+                f"von Mises reaches about {', '.join(reach)}, where the part is glued to its "
+                "support; a bolt only presses, and makes more: see *Bolts* in *Your first bracket*"
+            )
         if coarse:
             notes.append(
                 f"agents along {', '.join(coarse)} are too large to tell the largest stress there; "

@@ -27,7 +27,7 @@ from kaju.model.outline.leaf_triangles import VagueError, leaf_triangles
 from kaju.model.outline.posed_outlines import SIDES, OutlinedBody, UnlikeError, check_alone
 from kaju.model.outline.true_shapes import SLIGHT, UNIT, covering
 from kaju.model.scene import Scene
-from kaju.model.scene.cell_types import INSIDE
+from kaju.model.scene.cell_types import INSIDE, PINNED
 
 from .cut_agents import CutAgents
 from .cut_pair import CutPair
@@ -43,7 +43,9 @@ def peak_asked(scene: Scene, goal: AskedFor | None) -> Stress | Deflection | Non
     """Return what `goal` asks for within true outlines; none for the energy norm."""
     if goal is None:
         return None
-    named = [one.name for one in scene.body.regions if one.name and one.material != INSIDE]
+    named = [
+        one.name for one in scene.body.regions if one.name and one.material not in (INSIDE, PINNED)
+    ]
     free = [side for side in SIDES if scene.side_condition(side).kind == "free"]
     loaded = [str(load.outline) for load in scene.loads if load.outline is not None]
     one = goal[0] if isinstance(goal, list) and len(goal) == 1 else goal
@@ -53,8 +55,8 @@ def peak_asked(scene: Scene, goal: AskedFor | None) -> Stress | Deflection | Non
     at = getattr(first, "at", None)
     near = suggestion(at, [*named, *free]) if isinstance(at, str) and at not in named else ""
     wrong = f"{brief(one)} cannot be asked for{near}"
-    if any(one.name == at and one.material == INSIDE for one in scene.body.regions):
-        wrong = f"{at!r} is rigid: it does not move, and no stress is told of its outline"
+    if any(one.name == at and one.material in (INSIDE, PINNED) for one in scene.body.regions):
+        wrong = f"{at!r} holds the part (the stress along it is told without a goal)"
     if more:
         wrong = f"one goal at a time, got {len(more) + 1}"
     elif isinstance(first, Deflection) and at in [*free, *loaded]:

@@ -125,8 +125,6 @@ class Sheets:
         """Cut the body to the right of holes that are held or bear a force, the loops `cuts`."""
         corner, at = self.corner, self.place[self.corner]
         self.cuts = np.flatnonzero(self.hole & (borne | ~self.closed.all(axis=1)))
-        self.pivot = self.rim.pivot[self.begins[self.cuts]]
-        self.pinned = np.isfinite(self.pivot[:, 0])
         self.base, self.beyond = np.arange(self.vertices), np.zeros((self.vertices, 0), dtype=int)
         if not len(self.cuts):
             return
@@ -164,19 +162,23 @@ class Sheets:
         rest[:, 0] = around[:, 0] + (
             often * (self.jumps_by[:, 0] + at @ self.jumps_by[:, 1:].T)
         ).sum(axis=1)
-        # What the outer border bears goes to holes of its part that are held, if there are any.
-        self.left_by = -rest
-        self.left_by[:, 0] += (rest[:, 1:] * at).sum(axis=1)
+        # What the outer border bears goes to holes of its part that are held.
+        left_by = -rest
+        left_by[:, 0] += (rest[:, 1:] * at).sum(axis=1)
         # It passes all its cuts in one sense.
-        self.left_by *= np.sign(often.sum(axis=1, keepdims=True))
-        part, borne = self.part[self.begins], np.zeros((self.part.max() + 1, 3), dtype=np.bool_)
-        np.logical_or.at(borne, part[self.cuts], ~self.closed[self.cuts])
-        known = self.closed & (self.hole[:, None] | ~borne[part])
-        off = np.abs(rest[known]).max(initial=0.0)
-        for outer in np.flatnonzero(self.closed[:, 0] & ~self.hole):
-            if len(held := self._held(outer, 0)) == 1 and self.pinned[held[0]]:
-                off = max(off, abs(self.left_by[outer] @ [1.0, *self.pivot[held[0]]]))
-        self.unbalanced = float(off) / self.forces
+        left_by *= np.where(often.sum(axis=1, keepdims=True) < 0, -1.0, 1.0)
+        # Equations of the jumps: what is left of each part, and that pins bear no couples.
+        loops, part = np.argwhere(self.closed & ~self.hole[:, None]), self.part[self.begins]
+        pivot = self.rim.pivot[self.begins[self.cuts]]
+        pins = np.flatnonzero(np.isfinite(pivot[:, 0]))
+        table = np.zeros((len(loops) + len(pins), 3 * len(self.cuts) + 1))
+        for row, (loop, k) in zip(table, loops, strict=False):
+            row[k:-1:3] = (part[self.cuts] == part[loop]) & ~self.closed[self.cuts, k]
+            row[-1] = left_by[loop, k]
+        for row, pin in zip(table[len(loops) :], pins, strict=True):
+            row[3 * pin : 3 * pin + 3] = 1.0, *pivot[pin]  # the couple about each point
+        self.others, rest = eliminated(table)
+        self.unbalanced = float(np.abs(rest).max(initial=0.0)) / self.forces
         """Share of all forces by which those on a part of the body do not balance."""
 
     def way(self, more: Entries, others: int = 0) -> tuple[sp.csr_array, Ints, Floats]:
@@ -239,43 +241,30 @@ class Sheets:
         some = np.flatnonzero(value)
         return [(row[some], np.full(len(some), self.one), value[some])]
 
-    def _held(self, outer: int, k: int) -> Ints:
-        """Return the cuts of a part whose jumps are not known, those that bear couples last."""
-        in_part = self.part[self.begins[self.cuts]] == self.part[self.begins[outer]]
-        held = np.flatnonzero(in_part & ~self.closed[self.cuts, k])
-        return held[np.argsort(~self.pinned[held], kind="stable")]
-
     def _shut(self, fixed: Flags) -> Entries:
-        """Say what forces and couples of cuts are known, or what the border leaves room for."""
-        shut, pin = self.closed[self.cuts], np.flatnonzero(self.pinned)
+        """Say what forces and couples of cuts are known, or follow from those of others."""
+        shut = self.closed[self.cuts]
         cut, given = np.nonzero(shut)
         fixed[self.jump : self.jump + shut.size] = shut.ravel()
         entries = self._as_known(self.jump + 3 * cut + given, self.jumps_by[cut, given])
-        # A jump is the couple about each point; at the pivot of a pin there is none.
-        for axis in (0, 1):
-            arm = -self.pivot[pin, axis]
-            entries.append((self.jump + 3 * pin, self.jump + 3 * pin + 1 + axis, arm))
-        for outer, k in np.argwhere(self.closed & ~self.hole[:, None]).tolist():
-            held = self._held(outer, k)
-            if k == 0 and self.pinned[held].all():
-                entries += self._levered(outer, held)
-                continue
-            # All together they are known: the last is what the others leave.
-            row = self.jump + 3 * held + k
-            entries += self._as_known(row[-1:], np.repeat(self.left_by[outer, k], len(row[-1:])))
-            fixed[row[-1:]] = len(row) == 1
-            entries.append((np.repeat(row[-1:], max(len(row) - 1, 0)), row[:-1], -1.0))
-        return entries
+        lead, table = self.others
+        fixed[self.jump + lead] = True
+        row, column = np.nonzero(table[:, :-1])
+        entries += self._as_known(self.jump + lead, table[:, -1])
+        return [*entries, (self.jump + lead[row], self.jump + column, -table[row, column])]
 
-    def _levered(self, outer: int, held: Ints) -> Entries:
-        """Say what one of several pins bears along an axis, by the couples about the last one."""
-        if len(held) < 2:
-            return []
-        last = self.pivot[held[-1]]
-        arm = (last - self.pivot[held[:-1]]).ravel()
-        row = (self.jump + 3 * held[:-1, None] + [1, 2]).ravel()
-        most = int(np.abs(arm).argmax())  # the longest lever
-        rest = np.delete(np.arange(len(row)), most)
-        known = self.left_by[outer] @ [1.0, *last] / arm[most]
-        entries = self._as_known(row[[most]], np.array([known]))
-        return [*entries, (np.repeat(row[most], len(rest)), row[rest], -arm[rest] / arm[most])]
+
+def eliminated(table: Floats) -> tuple[tuple[Ints, Floats], Floats]:
+    """Return unknowns of linear equations, by what the others leave; and what has to be 0.
+
+    In the last column are the right-hand sides.
+    """
+    lead = np.full(len(table), -1)
+    while (size := np.abs(table[:, :-1]) * (lead < 0)[:, None]).max(initial=0.0) > 1e-9:
+        row, column = np.unravel_index(size.argmax(), size.shape)
+        lead[row] = column
+        table[row] /= table[row, column]
+        rest = table[:, [column]] * (np.arange(len(table)) != row)[:, None]
+        table -= rest * table[row]
+    table[np.arange(len(table)), lead] *= lead < 0
+    return (lead[lead >= 0], table[lead >= 0]), table[lead < 0, -1]

@@ -160,8 +160,8 @@ def _of_bolts(result: ElasticResult) -> Iterator[str]:
     least = 0.01 * max(result.scene.lattice.extent) * max(map(np.linalg.norm, borne), default=0.0)
     found = [(name, result.couples[name]) for name in (cut.ground.rigid.values() if cut else ())]
     if told := [f"{name!r} {couple:.4g} N·m" for name, couple in found if abs(couple) > least]:
-        borne = f"rigid holes bear couples ({', '.join(told)})"
-        yield f'{borne}; bolts let the part turn: take material = "pinned"'
+        couples = f"rigid holes bear couples ({', '.join(told)})"
+        yield f'{couples}; bolts let the part turn: take material = "pinned"'
 
 
 def _of_outlines(result: ElasticResult) -> Iterator[str]:

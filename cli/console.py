@@ -117,13 +117,17 @@ def _rows(summary: Mapping[str, Any]) -> Iterator[tuple[str, str, str]]:
         if isinstance(value, Mapping):
             beside = [part for each in value.values() if isinstance(each, list) for part in each]
             for part, v in value.items():  # names of the user's own are quoted
-                called = repr(part) if key == "largest_hoop_stress_Pa" else part
+                called = repr(part) if key.startswith("largest_hoop") else part
                 yield f"{name} {called}", text_of(v, unit, beside=beside), meaning
         elif isinstance(value, list) and value and isinstance(value[0], Mapping):
             for number, entry in enumerate(value, start=1):
-                units = dict.fromkeys(entry, entry.get("unit", "")) | {"relative_error": ""}
+                units = dict.fromkeys(entry, entry.get("unit", ""))
+                units |= {"relative_error": "", "at_m": "m"}
                 told = {k: v for k, v in entry.items() if v is not None and k != "unit"}
-                parts = [f"{k} {text_of(v, units[k], named=True)}" for k, v in told.items()]
+                parts = [
+                    f"{k.removesuffix('_m')} {text_of(v, units[k], named=True)}"
+                    for k, v in told.items()
+                ]
                 if isinstance(entry.get("value"), list):
                     parts.append("errors are of the vector, relative to its length")
                 yield f"{name} {number}", ", ".join(parts), ""

@@ -76,8 +76,8 @@ Goal = Annotated[
         metavar="PLACE",
         help="What the tolerance is about: the deflection of a side such as top (or top,y), of a "
         'point such as 0.1,0.2 (m), or of a region such as {"box": [[0, 0], [0.1, 0.1]]}. Within '
-        "true outlines: the largest stress along an outline such as eye; or the deflection of a "
-        "free side, or of a loaded outline (eye,y).",
+        "true outlines: the largest hoop stress along an outline such as eye, or von Mises stress "
+        "(eye,von_mises); or the deflection of a free side, or of a loaded outline (eye,y).",
     ),
 ]
 

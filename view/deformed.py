@@ -233,18 +233,21 @@ def stress_text(result: ElasticResult) -> str:
     asked = where = ""
     for goal in result.goals:
         far = goal.components[0] if len(goal.components) == 1 else hypot(*goal.components)
-        told = quantity(far, goal.figures()["unit"])
-        what, where = "asked for", ""
-        if isinstance(goal.quantity, Stress) and goal.quantity.component == HOOP:
-            what, where = "hoop stress asked for, largest by amount", f" along {goal.quantity.at!r}"
-        asked += f"{what}: {told}, error {100.0 * goal.relative_error:.2g} %{where}; "
+        told, what, where = quantity(far, goal.figures()["unit"]), "asked for", ""
+        if isinstance(goal.quantity, Stress) and goal.place:
+            name = "hoop stress" if goal.quantity.component == HOOP else "von Mises"
+            what, where = f"{name} asked for, largest by amount", f" along {goal.quantity.at!r}"
+            told += f" at ({', '.join(quantity(x, 'm') for x in goal.place)})"
+        error = f"{'estimated ' * bool(goal.no_bound)}error {100.0 * goal.relative_error:.2g} %"
+        asked += f"{what}: {told}, {error}{where}; "
     if where:  # a goal along an outline: it is the largest stress there
         return asked[:-2]
-    found, along = result.largest_stress, result.largest_along()
-    name = max(along, key=lambda name: abs(along[name]), default="")
+    found = result.largest_stress
+    peaks = {name: abs(peak) for name, (peak, _) in result.largest_along().items()}
+    name = max(peaks, key=peaks.__getitem__, default="")
     # along an outline the hoop stress is the better one
-    if name and abs(along[name]) > max(found.value, 0.95 * found.corner):
-        return f"{asked}largest stress {quantity(abs(along[name]), 'Pa')} along {name!r}"
+    if name and peaks[name] > max(found.value, 0.95 * found.corner):
+        return f"{asked}largest stress {quantity(peaks[name], 'Pa')} along {name!r}"
     words, value, place = "largest von Mises", found.corner, found.corner_at
     more = f", at a corner of an agent (largest mean {quantity(found.value, 'Pa')})"
     if found.corner and found.no_limit:

@@ -431,12 +431,16 @@ class ElasticResult(BodyResult):
             raise ResultError(f"{told}; there is {', '.join(known) or 'none with a name'}")
         return units.length * known[name].place, units.stress * known[name].moved
 
-    def largest_along(self, component: str = HOOP) -> dict[str, float]:
-        """Return the largest stress (Pa) by amount along every named outline that has one."""
-        unit, column = self.found.scales.stress, "moved" if component == HOOP else "equivalent"
-        along = {name: one.counted() for name, one in self.found.along.items()}
-        found = {n: getattr(one, column) for n, one in along.items() if one.largest is not None}
-        return {name: float(unit * one[np.abs(one).argmax()]) for name, one in found.items()}
+    def largest_along(self, component: str = HOOP) -> dict[str, tuple[float, list[float]]]:
+        """Return the largest stress (Pa) by amount, and where (m), of named outlines with one."""
+        units, found = self.found.scales, {}
+        for name, every in self.found.along.items():
+            if (along := every.counted()).largest is not None:
+                values = along.values(component)
+                at = int(np.abs(values).argmax())
+                place = (units.length * along.place[at]).tolist()
+                found[name] = float(units.stress * values[at]), place
+        return found
 
     @property
     def max_displacement(self) -> float:
@@ -497,8 +501,8 @@ class ElasticResult(BodyResult):
         named = isinstance(at, str) and at in [region.name for region in self.scene.body.regions]
         if component == HOOP or (named and component == "von_mises"):
             places, _ = self.outline_stress(name := str(at))  # refuses other names
-            if (value := self.largest_along(component).get(name)) is not None:
-                return value
+            if found := self.largest_along(component).get(name):
+                return found[0]
             why = "the body does not end, and no two materials meet, so nothing is known there"
             if len(self.found.along[name].counted().place):
                 why = "agents are too large to tell (take a smaller tolerance, or it as the goal)"
@@ -532,7 +536,7 @@ class ElasticResult(BodyResult):
         """Return the key figures as plain numbers and strings."""
         size, least, found = self.size, ROUNDING * self._forces, self.largest_stress
         told = {name: f * (np.abs(f) > least) + 0.0 for name, f in self.reactions.items()}
-        hoop = {name: s for name, s in self.largest_along().items() if name not in told}
+        along = [(name, peak) for name, peak in self.largest_along().items() if name not in told]
         figures: dict[str, Any] = {
             "rule": "elastic",
             "plane": self.scene.plane,
@@ -548,7 +552,8 @@ class ElasticResult(BodyResult):
             "largest_stress_Pa": found.value,
             "largest_stress_at_m": list(found.at),
             "largest_stress_has_no_limit": found.no_limit or None,
-            "largest_hoop_stress_Pa": hoop or None,
+            "largest_hoop_stress_Pa": {name: one for name, (one, _) in along} or None,
+            "largest_hoop_stress_at_m": {name: at for name, (_, at) in along} or None,
             "reaction": {name: force.tolist() for name, force in told.items()},
             "couple_Nm": {name: np.asarray(c).tolist() for name, c in self.couples.items()},
             "method": self.found.solution.method,

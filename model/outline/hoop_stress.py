@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from kaju.arrays import Flags, Floats, Ints
+from kaju.model.elastic.goals.quantities import HOOP
 from kaju.model.elastic.pair.gap import tensors
 from kaju.model.elastic.pair.leaves import LeafCells
 
@@ -52,7 +53,11 @@ class HoopStress:
         near = np.arange(at - 1, at + 2) % max(len(self.turn), 1)
         return None if at < 0 or self.turn[near].max() > LARGE else at
 
-    def apart(self, at: int) -> float:
+    def values(self, component: str) -> Floats:
+        """Return the stresses of a component: hoop, or von Mises."""
+        return self.moved if component == HOOP else self.equivalent
+
+    def apart(self, at: int, component: str = HOOP) -> float:
         """Return by how much the stress at a place may be off.
 
         How far both are apart over a few agents, for the stress in balance leaps at the corners of
@@ -60,8 +65,9 @@ class HoopStress:
         """
         near = slice(max(at - BESIDE, 0), at + BESIDE + 1)
         both = abs(self.balanced[near].mean() - self.moved[near].mean())
-        beside = self.moved[max(at - 1, 0) : at + 2]
-        return float(max(both, np.abs(self.moved[at] - beside).max()))
+        values = self.values(component)
+        beside = values[max(at - 1, 0) : at + 2]
+        return float(max(both, np.abs(values[at] - beside).max()))
 
     @classmethod
     def along(cls, pair: CutPair, region: int) -> HoopStress:

@@ -8,7 +8,7 @@ name of a side, such as ``"top"``: all of the body's surface there; ``"top,y"`` 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import product
 from math import hypot, isfinite
 from typing import Any
@@ -24,6 +24,7 @@ Place = tuple[float, ...] | dict[str, Any] | str
 AXES = "xyz"
 HOOP = "hoop"
 """The largest stress along a true outline."""
+VON_MISES = "von_mises"
 
 
 class _Parsed:
@@ -76,7 +77,7 @@ class Stress(_Parsed):
     component : str
         Such as "yy" or "xy", or "von_mises": the equivalent stress; or "hoop": the largest by
         amount along the true outline of the region that `at` names; below 0 it is pressed. Of
-        such an outline `value_of` also gives the largest "von_mises".
+        such an outline "von_mises" is the largest, too.
 
     Examples
     --------
@@ -128,6 +129,7 @@ class Goal:
     # displacement, stress or reaction of all
     scale: float
     no_bound: str = ""  # Why nothing is proved; empty if the error is
+    place: tuple[float, ...] = ()  # Where a largest stress along an outline is (m)
 
     @property
     def value(self) -> float | Floats:
@@ -149,7 +151,8 @@ class Goal:
         unit = unit_of(self.quantity, scales)
         components = tuple(unit * x for x in self.components)
         error, scale = unit * self.error_estimate, unit * self.scale
-        return replace(self, components=components, error_estimate=error, scale=scale)
+        place = tuple(scales.length * x for x in self.place)
+        return Goal(self.quantity, components, error, scale, self.no_bound, place)
 
     def figures(self) -> dict[str, Any]:
         """Return its entry in a summary."""
@@ -157,6 +160,7 @@ class Goal:
             "quantity": named(self.quantity),
             "value": np.asarray(self.value).tolist(),
             "unit": UNITS[type(self.quantity)][0],
+            "at_m": list(self.place) or None,
             "error_estimate": finite(self.error_estimate),
             "relative_error": finite(self.relative_error),
             "error_bound": self.error_bound,
@@ -187,8 +191,10 @@ def quantities_of(goal: AskedFor) -> tuple[Quantity, ...]:
     """Return the quantities that `goal` asks for: of places the displacement."""
     if isinstance(goal, Quantity):
         return (goal,)
-    if isinstance(goal, str) and goal[-2:-1] == "," and goal[-1] in AXES:  # "top,y"
-        return (Deflection(goal[:-2], goal[-1]),)
+    if isinstance(goal, str) and "," in goal:  # "top,y"
+        at, _, last = goal.rpartition(",")
+        if last in (*AXES, VON_MISES):
+            return (Stress(at, last) if last == VON_MISES else Deflection(at, last),)
     if isinstance(goal, (str, Mapping)) or _is_point(goal):
         return (Deflection(goal),)  # type: ignore[arg-type]
     if isinstance(goal, (Sequence, np.ndarray)) and len(goal):
@@ -250,7 +256,7 @@ def directions_of(along: str | tuple[float, ...] | None, dimension: int) -> Floa
 
 
 def _component(name: Any) -> str:
-    known = [*map("".join, product(AXES, repeat=2)), "von_mises", HOOP]
+    known = [*map("".join, product(AXES, repeat=2)), VON_MISES, HOOP]
     if name not in known:
         near = suggestion(2 * str(name) if str(name) in AXES else str(name), known)
         raise ParameterError(

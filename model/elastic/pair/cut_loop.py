@@ -15,9 +15,11 @@ from kaju.errors import ParameterError, SceneError, SingularPlaceError, brief, s
 from kaju.model.elastic.goals.duals import SMALL
 from kaju.model.elastic.goals.quantities import (
     HOOP,
+    VON_MISES,
     AskedFor,
     Deflection,
     Goal,
+    Reaction,
     Stress,
     directions_of,
     quantities_of,
@@ -43,36 +45,35 @@ def peak_asked(scene: Scene, goal: AskedFor | None) -> Stress | Deflection | Non
     """Return what `goal` asks for within true outlines; none for the energy norm."""
     if goal is None:
         return None
-    named = [
-        one.name for one in scene.body.regions if one.name and one.material not in (INSIDE, PINNED)
-    ]
-    free = [side for side in SIDES if scene.side_condition(side).kind == "free"]
-    loaded = [str(load.outline) for load in scene.loads if load.outline is not None]
+    regions = [one for one in scene.body.regions if one.name]
+    holding = [one.name for one in regions if one.material in (INSIDE, PINNED)]
+    named = [str(one.name) for one in regions if one.name not in holding]
+    moves = [side for side in SIDES if scene.side_condition(side).kind == "free"]
+    moves += [str(load.outline) for load in scene.loads if load.outline is not None]
     one = goal[0] if isinstance(goal, list) and len(goal) == 1 else goal
     first, *more = quantities_of(goal)
     if isinstance(one, str) and first == Deflection(one) and (one in named or one not in SIDES):
         first = Stress(one, HOOP)
-    at = getattr(first, "at", None)
-    near = suggestion(at, [*named, *free]) if isinstance(at, str) and at not in named else ""
-    wrong = f"{brief(one)} cannot be asked for{near}"
-    if any(one.name == at and one.material in (INSIDE, PINNED) for one in scene.body.regions):
-        wrong = f"{at!r} holds the part (the stress along it is told without a goal)"
-    if more:
-        wrong = f"one goal at a time, got {len(more) + 1}"
-    elif isinstance(first, Deflection) and at in [*free, *loaded]:
+    at, moved = getattr(first, "at", None), isinstance(first, Deflection)
+    if isinstance(first, Stress) and first.component not in (HOOP, VON_MISES) and at in named:
+        wrong = f"of {at!r} the largest {HOOP!r} or {VON_MISES!r} is known, no {first.component!r}"
+    elif more:
+        wrong = f"within true outlines one goal at a time, got {len(more) + 1}"
+    elif at in (moves if moved else named) and not isinstance(first, Reaction):
         return first
-    elif isinstance(first, Deflection) and at in [*SIDES]:
+    elif not isinstance(at, str):
+        wrong = f"{brief(one)}: within true outlines only an outline or a free side can be one; "
+        wrong += "solve without, and read it by answer.value_of (not proved)"
+    elif at in holding:
+        wrong = f"{at!r} holds the part (the stress along it is told without a goal)"
+    elif at in SIDES and moved:
         wrong = f"{at} is held, and has no deflection to ask for"
-    elif isinstance(first, Stress) and at in named:
-        if first.component == HOOP:
-            return first
-        wrong = f"no {first.component!r} of an outline"
-    raise ParameterError(
-        f"goal: {wrong}; within true outlines it is the largest hoop stress along an outline "
-        f"({', '.join(named) or 'none has a name'}) or the Deflection of a free side or a loaded "
-        f"outline ({', '.join([*free, *loaded]) or 'none'}); for others take outline = "
-        '"cells", or in Python answer.value_of, unproved'
-    )
+    elif at in named:
+        wrong = f"no load acts on {at!r}, so only its stress can be one: {at!r} alone"
+    else:
+        every = [*named, *moves]
+        wrong = f"there is no outline {at!r}{suggestion(at, every)}; there is {', '.join(every)}"
+    raise ParameterError(f"goal: {wrong}")
 
 
 class CutLoop(PairLoop):
@@ -202,7 +203,7 @@ def coarse_along(pair: CutPair, tolerance: float) -> Ints:
 
 
 class _Peak:
-    """The largest hoop stress along an outline, generation by generation.
+    """The largest hoop or von Mises stress along an outline, generation by generation.
 
     Its estimated error is the larger of how far both fields differ there, and of a third of what
     the last generation changed. An agent's part in it is about √(its part of the gap) h² / r³ at
@@ -214,6 +215,7 @@ class _Peak:
         self._asked, self._tolerance, name = asked, tolerance, str(asked.at)
         self._which = [region.name for region in body.asked.body.regions].index(name)
         self._value = self._off = self._error = inf
+        self._place: tuple[float, ...] = ()
         check_alone(body.true.regions, self._which, f"goal: {name!r}", "peak")
         no_limit = f"goal: the stress along {name!r} has no limit: this outline"
         sharp = body.true.without_limit(SLIGHT, body.shape, self._which)
@@ -241,18 +243,21 @@ class _Peak:
             if not often.any():
                 raise ParameterError(f"goal: no part of the body ends along {self._asked.at!r}")
             return self._aimed(np.zeros(len(pair.leaves)), often)
-        at = int(np.abs(along.moved).argmax())
-        self._value = float(along.moved[at])
+        values = along.values(self._asked.component)
+        at = int(np.abs(values).argmax())
+        self._value, self._place = float(values[at]), tuple(along.place[at].tolist())
         # The error of a small peak is relative to a hundredth of the largest stress.
         largest = max(abs(self._value), 0.01 * float(np.abs(pair.means[0]).max()))
         # where it was within the tolerance, the last agents spawned for something else
         kept = self._off if self._error <= self._tolerance else 0.0
         # the error is a third of what changed: squares of edges are a fourth
-        self._off = max(1.0 / 3.0 * abs(self._value - before), along.apart(at), kept)
+        self._off = max(
+            1.0 / 3.0 * abs(self._value - before), along.apart(at, self._asked.component), kept
+        )
         self._error = self._off / largest
         size = pair.leaves.size * UNIT
         # elsewhere it may be as large, as all round a pressed bore
-        rows = np.flatnonzero(np.abs(along.moved) >= abs(self._value) - 2.0 * self._off)
+        rows = np.flatnonzero(np.abs(values) >= abs(self._value) - 2.0 * self._off)
         away, near = nearest(along.place[rows], pair.leaves.middle * UNIT)
         # within so many edges of the agent at the peak all are as near
         away = np.maximum(away, 1.5 * size[along.leaf[rows[near]]])
@@ -260,6 +265,7 @@ class _Peak:
 
     def _aimed(self, part: Floats, often: Ints) -> Judged:
         scale = self._off / self._error if np.isfinite(self._error) and self._error else 1.0
-        goal = Goal(self._asked, (self._value,), self._off, scale, self._no_bound)
+        found = (self._value,), self._off, scale, self._no_bound, self._place
+        goal = Goal(self._asked, *found)
         # A generation aims at a quarter of the peak's error.
         return Judged((goal,), self._error, part, False, AIM**2 * 0.25, often)

@@ -58,9 +58,17 @@ MEANINGS = {
     "rigid_boundary_agents": "in the ground, which hands loads back reversed",
     "set_free_at_jumps_J": "by loads that are put on or taken off at once",
     "spectral_radius": "times as much load a generation, if loads that meet were added",
-    "tolerance": "of the goal, if there is one; else of the error bound",
+    "tolerance": "a share, in the energy norm",
+    "tolerance_kept": "in the energy norm, not of the stresses above",
 }
 """What key figures mean, if their names do not say it."""
+
+OF_GOALS = {
+    "error_bound": "of the whole body, in the energy norm: not what the tolerance is about",
+    "tolerance": "of the goal",
+    "tolerance_kept": "of the goal",
+}
+"""What some mean if there are goals."""
 
 NAMES = {
     "spectral_radius": "growth_if_added_up",
@@ -104,12 +112,13 @@ class Console:
 
 def _rows(summary: Mapping[str, Any]) -> Iterator[tuple[str, str, str]]:
     """Yield key figures as people read them, with what they mean, if they are known."""
+    meanings = MEANINGS | (OF_GOALS if "goals" in summary else {})
     for key, value in summary.items():
         # Of a goal its own error counts, and of an answer with a bound the bound.
         other = "goals" in summary or value == summary.get("error_bound")
         if key in SAID or value is None or (key == "error_estimate" and other):
             continue
-        name, unit, meaning = NAMES.get(key, key), UNITS.get(key, ""), MEANINGS.get(key, "")
+        name, unit, meaning = NAMES.get(key, key), UNITS.get(key, ""), meanings.get(key, "")
         stem, _, ending = name.rpartition("_")
         if stem and ending in ("N", "Nm", "m", "J", "s", "Pa"):
             name, unit = stem, ending

@@ -110,14 +110,16 @@ def _of_error(result: ElasticResult) -> Iterator[str]:
     if isinstance(found, PairAgents) and result.tolerance_kept == "missed":
         why, agent = found.stopped, first_largest(result.gap)
         reason = no_limit(result, agent)
-        hint = f"most of it lies at {_point(result.place_in(agent))} m"
+        hint = f"; most of it lies at {_point(result.place_in(agent))} m"
         hint += f": {reason}" if reason else ""
+        if result.goals:  # whose errors lie elsewhere
+            hint = "; start from other cells" if why == "stalled" else ""
         if why in ("corners", "stalled", "depth") and found.ground.resolution is not None:
-            why, hint = "resolution", "a larger resolution allows smaller ones"
+            why, hint = "resolution", "; a larger resolution allows smaller ones"
         proved = not (found.no_bound or any(goal.no_bound for goal in found.goals))
         of = f"{'a proved' if proved else 'an estimated'} error of {result.goal_error:.2g}"
         limit = f"above the tolerance of {result.tolerance:g}"
-        yield f"tolerance missed: {MISSED[why]} {of}, {limit}; {hint}"
+        yield f"tolerance missed: {MISSED[why]} {of}, {limit}{hint}"
     if result.tolerance is not None:
         return
     if not isfinite(error):

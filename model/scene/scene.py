@@ -193,6 +193,7 @@ class Scene(Description):
         """What a reader should know about the body, in words."""
         found, h = [], self.lattice.cell_size
         moved = any(any(side.displacement or ()) for side in self.sides.values())
+        moved |= self.outlined and self.lattice.dimension == 2  # which is refused without a load
         if not (self.loads or moved or any(self.body.gravity or ())):
             found.append(
                 "nothing is applied, so all is 0: the scene has no loads, no gravity and no side "

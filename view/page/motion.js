@@ -1,10 +1,10 @@
 // Recorded pictures: parts that move and change (springs, creep, elastic agents, agents of many
 // sizes). The page is the same; what is drawn is not a rule's history but frames.
 import { paintGrid, partOf, ticksOf } from "./charts.js";
-import { make } from "./controls.js";
+import { draw, make } from "./controls.js";
 import { bytesOf, Recorded, through, unpack } from "./history.js";
 import { Page } from "./page.js";
-import { colourOf, css, fillBox, fillRimmed, packed, paintLegend, rgb, SHEET, View } from "./paint.js";
+import { colourOf, css, fillBox, fillRimmed, lineOfGround, packed, paintLegend, rgb, SHEET, View } from "./paint.js";
 import { general, local, quantity, roundDown } from "./words.js";
 
 const AMOUNT = /\d[\d.]*(?:e[-+]?\d+)?(?: (?:%|[GMkmµnp]?(?:Pa|J|N|m)\b))?/g;
@@ -132,7 +132,9 @@ export class MotionPage extends Page {
       ctx.save(); ctx.resetTransform(); Object.assign(ctx, { globalCompositeOperation: "destination-over", shadowColor: inks.ink, shadowBlur: 2 * r });
       ctx.drawImage(view.canvas, 0, 0); ctx.restore();
     }
-    for (const line of this.ground) this.paintGround(view, line);
+    Object.assign(ctx, { strokeStyle: inks.soft, lineWidth: 1.5 }); ctx.beginPath();
+    for (const { from, to, out, kind } of this.ground) lineOfGround(ctx, ...[from, to].map((p) => view.point(p.map((x, a) => (x - this.low[a]) / this.unit))), out, kind === "roller");
+    ctx.stroke();
     this.loads.paint(view);
     if (this.picked >= 0 && this.there(this.picked)) {
       const [x, y] = view.point(this.middle(this.picked));
@@ -211,17 +213,6 @@ export class MotionPage extends Page {
       ctx.fill();
     }
   }
-  /** What holds a body in the plane: a line with strokes, of rollers with dots, beyond it. */
-  paintGround(view, { from, to, out: [nx, ny], kind }) {
-    const { low, unit, inks } = this, { ctx } = view, ends = [from, to].map((p) => view.point(p.map((x, a) => (x - low[a]) / unit)));
-    const [[ax, ay], [bx, by]] = ends, long = Math.hypot(bx - ax, by - ay), n = Math.max(1, Math.round(long / 8)), deep = 8;
-    ctx.strokeStyle = ctx.fillStyle = inks.soft; ctx.lineWidth = 1.5; ctx.beginPath(); ctx.moveTo(ax, ay); ctx.lineTo(bx, by);
-    for (let i = 0; i < n; i++) {
-      const x = ax + (bx - ax) * (i + 0.5) / n, y = ay + (by - ay) * (i + 0.5) / n;
-      if (kind === "roller") { ctx.moveTo(x + deep * nx / 2 + 2.5, y - deep * ny / 2); ctx.arc(x + deep * nx / 2, y - deep * ny / 2, 2.5, 0, 7); } else { ctx.moveTo(x, y); ctx.lineTo(x + deep * (nx - Math.abs(ny) / 2), y - deep * (ny - Math.abs(nx) / 2)); }
-    }
-    ctx.stroke();
-  }
   words() {
     const { t, g, run, along, at } = this, shares = along === "stage" && at.at(-1) === 1 && at.length > 2, counts = along !== "s" && at.at(-1) === run.generation;
     const moment = () => (counts ? t(`along_${along}`) : `${t(`along_${shares ? "share" : along}`)} ${quantity(at[g], "")} ·`);   // of what is counted once is enough
@@ -231,13 +222,13 @@ export class MotionPage extends Page {
     this.drawCurves();
   }
   tell() {
-    const { picked, parts, t } = this;
-    if (picked < 0 || !this.there(picked)) { parts.story.replaceChildren(make("p", { textContent: t(this.corners === 2 ? (this.along === "s" ? "pickRod" : "pickSpring") : this.born ? "pickAgent" : "pickPart") })); return; }
+    const { picked, parts, t } = this, rod = this.lesson && this.along === "s" && this.corners === 2 ? [rodOf(this)] : [];
+    if (picked < 0 || !this.there(picked)) { parts.story.replaceChildren(...rod, make("p", { textContent: t(this.corners === 2 ? (this.along === "s" ? "pickRod" : "pickSpring") : this.born ? "pickAgent" : "pickPart") })); return; }
     const row = (word, value, unit) => [make("dt", { textContent: word }), make("dd", {}, make("data", { value: String(value), textContent: quantity(value, unit) }))];
     const known = (name) => (name === "move" && this.born ? this.moved[this.g].some(Boolean) : !Number.isNaN(this.value(picked, name)));   // generations before the last tell less
     const rows = (this.lesson && this.born ? [this.look.colour] : this.colours).filter(known).flatMap((name) => row(this.word(name), this.value(picked, name), this.unitOf(name)));
     if (this.born && !this.fields.spawn_step) rows.push(make("dt", { textContent: t("woken") }), make("dd", {}, `${t(`along_${this.along}`)} `, make("data", { value: String(this.born[picked]), textContent: String(this.born[picked]) })));
-    parts.story.replaceChildren(make("b", { textContent: this.born ? `${t("agent")} ${picked}` : t(this.corners > 2 ? "part" : this.along === "s" ? "rod" : "spring", { n: picked }) }), make("dl", {}, ...rows));
+    parts.story.replaceChildren(...rod, make("b", { textContent: this.born ? `${t("agent")} ${picked}` : t(this.corners > 2 ? "part" : this.along === "s" ? "rod" : "spring", { n: picked }) }), make("dl", {}, ...rows));
   }
   drawCurves() {
     const { parts: { charts: box }, curveList, inks, at, g, t } = this, named = (of) => of.split(": ").map((part) => t(`curve_${part}`, { otherwise: part })).join(": ");
@@ -276,6 +267,14 @@ export class MotionPage extends Page {
     this.later();
     return true;
   }
+}
+
+/** What a rod is made of, as it stands now: while a force acts the second damper goes on, and stays; spring and damper beside it have the rest of the dent. */
+function rodOf({ t, at, g, curveList }) {
+  const [dent, force] = ["Displacement", "History"].map((name) => Object.values(curveList.find(({ title }) => title === name).lines)[0]), px = 56 / Math.max(...dent), words = t("rodParts").split("|");
+  const pushed = (n) => force.slice(1, n + 1).reduce((sum, f, i) => sum + 0.5 * (f + force[i]) * (at[i + 1] - at[i]), 0), stays = dent.at(-1) * pushed(g) / pushed(at.length);
+  const a = 160 - px * (dent[g] - stays), b = a + 130 - px * stays, wave = Array.from({ length: 10 }, (_, i) => `L${32 + (a - 44) * (i + 0.5) / 10} ${i % 2 ? 20 : 36}`).join(""), damper = (x, to, y) => `M${x} ${y}h12m62 -9h-62v18h62M${to - 62} ${y - 7}v14m0 -7H${to}`;
+  return draw("svg", { class: "chart rod", viewBox: "0 0 310 98", role: "img", "aria-label": words.join(", ") }, draw("path", { d: `M20 28V66M${a} 28V66M20 28h12${wave}L${a - 12} 28H${a}${damper(20, a, 66)}${damper(a, b, 47)}` }), ...[14, b + 6].map((cx) => draw("circle", { cx, cy: 47, r: 6 })), ...words.map((word, n) => draw("text", { x: [90, 90, a + 65][n], y: [12, 92, 74][n], "text-anchor": "middle" }, word)));
 }
 
 // ------------------------------------------------------------------------------------- a file

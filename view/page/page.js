@@ -309,12 +309,11 @@ export class Page {
     if (this.picked >= 0) paintPick(view, L.cell(this.picked), inks);
     if (part.window) view.ctx.clearRect(0, view.h - 52, view.w, 52);
     if (!box.w && (!this.lesson || this.g > 0)) paintLegend(view, scale, this.word(look.colour), this.kindOf(scale), (v) => quantity(v, UNITS[look.colour]), inks);
-    const scaled = moved ? t("magnified", { n: quantity(factor, "") }) : run.grown && this.g >= run.generation ? t("grown") : run.atRest && !run.generation ? t("nothing") : "";
+    const scaled = moved ? t("magnified", { n: quantity(factor, "") }) : run.grown && this.g >= run.generation ? t("grown") : run.atRest && !run.generation ? t("nothing") : look.colour === "taken" && !box.w && this.canvas.clientWidth > 520 && values.some((v) => v > 1.001 * run.applied) ? t("takenMore") : "";
     const ruled = this.deformable && !box.w && moved ? t("keepsNone") : "";   // beside cuts a card says so
-    const more = look.colour === "taken" && !box.w && this.canvas.clientWidth > 520 && !run.grown && values.some((v) => v > 1.001 * run.applied) ? t("takenMore") : "";
     const sensed = look.arrows && !box.w && run.C > L.D ? t("arrowKey") : "";
     const read = this.picked >= 0 && storyOf(this, this.picked), took = read ? `(${read.cell.join(", ")}): ${t("took")} ${quantity(read.total, "N")}` : "", asked = this.lesson?.question?.show?.rule ? `${t("agents")}: ${run.alive[this.g - 1] ?? 0}` : "";   // on a phone the panel is a long way down
-    this.parts.cap.textContent = this.told || [asked, took, scaled, ruled, more, sensed].filter(Boolean).join(" · ");
+    this.parts.cap.textContent = this.told || [asked, took, scaled, ruled, sensed].filter(Boolean).join(" · ");
   }
   /** What a legend says of its scale: in a lesson also that other examples have another. */
   kindOf({ log }) { return this.t(log ? "log" : "linear") + (this.lesson?.several && this.look.colour !== "density" ? ` · ${this.t("ownScale")}` : ""); }
@@ -351,7 +350,7 @@ export class Page {
     this.stageBox = make("div", { className: "stage" }, make("div", {}, this.canvas, this.parts.cap, this.parts.tip));
     for (const [name, does] of [["down", "press"], ["move", "move"], ["up", "release"]]) this.canvas.addEventListener(`pointer${name}`, (event) => this[does](event));
     this.canvas.addEventListener("pointercancel", () => { this.hold = null; this.later(); });
-    this.canvas.addEventListener("dblclick", (event) => { if (this.mode?.double) this.mode.double(this, event); else this.loads.double(event); });
+    this.canvas.addEventListener("dblclick", (event) => { this.loads.double(event); });
     this.canvas.addEventListener("pointerleave", () => { this.parts.tip.hidden = true; });
   }
   rebuild() {

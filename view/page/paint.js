@@ -262,6 +262,16 @@ export function fillRimmed({ r, rim = 1 }, px, py, n, colour, light) {
   SHEET.fill(qx, qy, n, shade(colour, light));
 }
 
+/** A line along what holds a body between two pixels: strokes go out from it, or dots where it rolls. */
+export function lineOfGround(ctx, [ax, ay], [bx, by], [nx, ny], rolls, deep = 8) {
+  const long = Math.hypot(bx - ax, by - ay), n = Math.max(1, Math.round(long / 8));
+  ctx.moveTo(ax, ay); ctx.lineTo(bx, by);
+  for (let i = 0; i < n; i++) {
+    const x = ax + (bx - ax) * (i + 0.5) / n, y = ay + (by - ay) * (i + 0.5) / n, r = Math.min(2.5, long / 3);
+    if (rolls) { ctx.moveTo(x + deep * nx / 2 + r, y - deep * ny / 2); ctx.arc(x + deep * nx / 2, y - deep * ny / 2, r, 0, 7); } else { ctx.moveTo(x, y); ctx.lineTo(x + deep * (nx - Math.abs(ny) / 2), y - deep * (ny - Math.abs(nx) / 2)); }
+  }
+}
+
 /** Rigid cells and held sides: hatched; rollers: dotted. */
 function hatch(view, kinds, inks) {
   const { ctx, u, lattice: L } = view, [nx, ny] = L.shape, step = L.stride[0];
@@ -271,18 +281,11 @@ function hatch(view, kinds, inks) {
     if (kind !== -2 && kind !== -3) continue;
     const inside = x >= 0 && y >= 0 && x < nx && y < ny, corner = (x < 0 || x >= nx) && (y < 0 || y >= ny);
     if (corner || (!inside && kinds[(Math.min(Math.max(x, 0), nx - 1) + 1) * step + Math.min(Math.max(y, 0), ny - 1) + 1] < 0)) continue;   // ground under the body alone
-    const [cx, cy] = view.at(...view.centre([x, y])), depth = inside ? u : Math.max(5, Math.min(9, u));
-    const px = x < 0 ? cx + u / 2 - depth : cx - u / 2, py = y >= ny ? cy + u / 2 - depth : cy - u / 2;
-    const w = x < 0 || x >= nx ? depth : u, h = y < 0 || y >= ny ? depth : u;
-    if (kind === -3) { ctx.moveTo(px + w / 2 + 2, py + h / 2); ctx.arc(px + w / 2, py + h / 2, Math.min(2.5, u / 3), 0, 7); continue; }
-    if (inside) { ctx.fillRect(px, py, w, h); continue; }
-    const n = Math.max(1, Math.round(Math.max(w, h) / 8)), s = Math.min(w, h), apart = Math.max(w, h) / n;
-    for (let i = 0; i < n; i++) {              // short strokes at 45 degrees
-      const [ax, ay] = w >= h ? [px + i * apart, py + s] : [px, py + i * apart + s];
-      ctx.moveTo(ax, ay); ctx.lineTo(ax + s, ay - s);
-    }
-    const [ex, ey] = [x < 0 ? px + w : px, y >= ny ? py + h : py];   // along the body
-    ctx.moveTo(ex, ey); ctx.lineTo(x < 0 || x >= nx ? ex : ex + w, x < 0 || x >= nx ? ey + h : ey);
+    const [cx, cy] = view.at(...view.centre([x, y])), r = u / 2;
+    if (inside && kind === -3) { ctx.moveTo(cx + 2, cy); ctx.arc(cx, cy, Math.min(2.5, u / 3), 0, 7); } else if (inside) ctx.fillRect(cx - r, cy - r, u, u);
+    if (inside) continue;
+    const out = [x < 0 ? -1 : x >= nx ? 1 : 0, y < 0 ? -1 : y >= ny ? 1 : 0], mx = cx - r * out[0], my = cy + r * out[1], [dx, dy] = [r * Math.abs(out[1]), r * Math.abs(out[0])];
+    lineOfGround(ctx, [mx - dx, my - dy], [mx + dx, my + dy], out, kind === -3, Math.max(5, Math.min(9, u)));
   }
   ctx.stroke();
 }

@@ -63,7 +63,6 @@ export function buildFooter(page) {
   }
   const speed = parts.speed = make("select", { ariaLabel: t("speed"), className: "end", onchange: () => { page.look.speed = Number(speed.value); page.timed = true; } },
     ...[1, 2, 4, 8, 15, 30, 60].map((n) => make("option", { value: n, textContent: t("perSecond", { n }) })));
-  speed.value = page.look.speed;
   footer.append(speed);
   return footer;
 }

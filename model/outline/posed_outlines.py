@@ -19,7 +19,7 @@ from kaju.model.elastic.moduli import scene_moduli
 from kaju.model.elastic.pair.leaves import LeafCells
 from kaju.model.elastic.scales import Scales
 from kaju.model.scene import Body, Scene
-from kaju.model.scene.cell_types import INSIDE, PINNED
+from kaju.model.scene.cell_types import HOLDING, INSIDE, PINNED
 from kaju.model.scene.curves import Point
 
 from . import true_shapes
@@ -113,7 +113,7 @@ class OutlinedBody:
         self.own_laws = [*map(Law, (0.5 * (stretch + lateral)).tolist(), shear.tolist())]
         """The law of every material."""
         names = [material.name for material in scene.cell_materials]
-        laws = dict(zip([*names, INSIDE, PINNED], [*self.own_laws, RIGID, RIGID], strict=True))
+        laws = dict.fromkeys(HOLDING, RIGID) | dict(zip(names, self.own_laws, strict=True))
         self.true = _body(scene, self.edge, self.shape, laws)
         regions = enumerate(self.true.regions)
         named = [region.name or f"region {k}" for k, region in enumerate(scene.body.regions)]
@@ -347,9 +347,8 @@ class OutlinedBody:
         Edges of these are the body's, or nobody's without `edges`.
         """
         asked, body = self.asked, self.asked.body
-        number = {INSIDE: -2, PINNED: -2} | {
-            one.name: k for k, one in enumerate(asked.cell_materials)
-        }
+        number = dict.fromkeys(HOLDING, -2)
+        number |= {one.name: k for k, one in enumerate(asked.cell_materials)}
         found = np.full(len(points), number.get(str(body.material), -1))
         for k, region in enumerate(body.regions):
             shape, of = region.shape_in(asked.lattice, f"body.regions.{k}"), region.material

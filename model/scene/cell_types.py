@@ -21,11 +21,12 @@ NAMES: Final = {
     FOUNDATION: "a foundation",
     DISPLACED: "a displaced wall",
 }
+PINNED: Final = "pinned"  # What is rigid, and turns about its middle: within true outlines alone.
+HOLDING: Final = "rigid", PINNED
 NOT_BODY: Final = {
     **dict.fromkeys(("air", "water", "gas", "vacuum"), AIR),
-    **dict.fromkeys(("rigid", "pinned"), RIGID),
+    **dict.fromkeys(HOLDING, RIGID),
     "roller": ROLLER,
 }
 """What scenes call a cell that is not body: whatever surrounds it gives loads back like air."""
 INSIDE: Final = "rigid"  # Name of the support that rigid cells inside the array give.
-PINNED: Final = "pinned"  # What is rigid, and turns about its middle: within true outlines alone.

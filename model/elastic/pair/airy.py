@@ -29,8 +29,8 @@ class Airy(Sheets):
         # With the square on the left one goes back along the axis on its left and upper sides.
         ends, none = on_sides(2)[mesh.side, :2], np.zeros((len(mesh.side), 3))
         ends = np.where(np.isin(mesh.side, (0, 3))[:, None], ends[:, ::-1], ends)
-        no_pin = np.full((len(mesh.side), 2), np.nan)
-        rim = Rim(mesh.owner, ends, mesh.border, sides.given, none, none[:, 0], no_pin)
+        pin = none[:, 1:] + np.nan
+        rim = Rim(mesh.owner, ends, mesh.border, sides.given, none, none[:, 0], pin)
         super().__init__(mesh.place / cell, mesh.corner, len(mesh.ends), mesh.part, rim)
         corner = (3 * self.corner[:, :, None] + np.arange(3)).reshape(-1, 12)
         self.dof = np.concatenate([corner, 3 * self.points + mesh.edge], axis=1)

@@ -172,10 +172,7 @@ class CutAgents(PairAgents):
                 f"{loose} part{'s' * (loose > 1)} of the body without support and without load; "
                 "if a support was meant, give it"
             )
-        loaded, held = (
-            [load.outline for load in self.ground.asked.loads],
-            self.ground.rigid.values(),
-        )
+        loaded = [load.outline for load in self.ground.asked.loads]
         for name, every in self.along.items():
             along, sought = every.counted(), asked is not None and asked.at == name
             if not every.counts.all() and not sought:
@@ -189,7 +186,7 @@ class CutAgents(PairAgents):
                 continue
             peak, off = mega * float(along.moved[at]), mega * along.apart(at)
             reached = mega * float(along.equivalent.max())
-            if name in held:
+            if name in self.ground.rigid.values():
                 reach.append(f"{reached:.4g} MPa along {name!r}")
                 continue
             if name in loaded and reached > 1.01 * abs(peak):

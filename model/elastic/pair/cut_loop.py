@@ -29,7 +29,7 @@ from kaju.model.outline.leaf_triangles import VagueError, leaf_triangles
 from kaju.model.outline.posed_outlines import SIDES, OutlinedBody, UnlikeError, check_alone
 from kaju.model.outline.true_shapes import SLIGHT, UNIT, covering
 from kaju.model.scene import Scene
-from kaju.model.scene.cell_types import INSIDE, PINNED
+from kaju.model.scene.cell_types import HOLDING
 
 from .cut_agents import CutAgents
 from .cut_pair import CutPair
@@ -46,7 +46,7 @@ def peak_asked(scene: Scene, goal: AskedFor | None) -> Stress | Deflection | Non
     if goal is None:
         return None
     regions = [one for one in scene.body.regions if one.name]
-    holding = [one.name for one in regions if one.material in (INSIDE, PINNED)]
+    holding = [one.name for one in regions if one.material in HOLDING]
     named = [str(one.name) for one in regions if one.name not in holding]
     moves = [side for side in SIDES if scene.side_condition(side).kind == "free"]
     moves += [str(load.outline) for load in scene.loads if load.outline is not None]

@@ -59,7 +59,7 @@ class Sheets:
     """
 
     def __init__(self, place: Floats, corner: Ints, edges: int, part: Ints, rim: Rim) -> None:
-        self.place, self.corner, self.vertices = place, corner, len(place)
+        self.place, self.corner, self.vertices, self.parts = place, corner, len(place), part
         start, end = (corner[rim.owner, one] for one in rim.ends.T)
         loops, free = loops_of(start, end), np.asarray(rim.given.all(axis=1))
         # Each from where its first free run begins, if it has others beside it.
@@ -84,11 +84,11 @@ class Sheets:
         self.points = len(self.base)
         self.place = place[self.base]
         self.jump = 3 * self.points + edges
+        self.runs = self.jump + 3 * len(self.cuts)
         self._close(around)
         # Where free runs begin: a loop does with one, if it has any.
         self.opens = self.linear[0] & ~np.append(False, self.linear[0, :-1])
         self.opens[self.begins] = self.linear[0, self.begins]
-        self.runs = self.jump + 3 * len(self.cuts)
         self.one = self.runs + int(self.opens.sum())
         self.size = self.one + 1
 
@@ -131,8 +131,9 @@ class Sheets:
         sheet = np.zeros((*corner.shape, len(self.cuts)), dtype=np.int64)
         for cut, number in enumerate(self.cuts.tolist()):
             x, y = self.start_of(self.loop == number)
-            # An element on the cut sees what lies below it with the jump.
-            sheet[..., cut] = self.on_cut(x, y)[:, None] & (at[..., 1] < y)
+            # An element of its part on the cut sees what lies below it with the jump.
+            there = self.on_cut(x, y) & (self.parts == self.part[self.begins[number]])
+            sheet[..., cut] = there[:, None] & (at[..., 1] < y)
         some = np.isin(corner, corner[sheet.any(axis=2)])
         rows, place = np.unique(
             np.column_stack([corner[some], sheet[some]]), axis=0, return_inverse=True
@@ -149,35 +150,25 @@ class Sheets:
         self.beyond = np.concatenate([np.zeros((self.vertices, len(self.cuts)), int), jumped])
 
     def _close(self, around: Floats) -> None:
-        """Find the known jumps of cuts, by what phi grows by round their holes."""
+        """Find what is known of the jumps of cuts."""
         # How often the sheet has changed before each edge: within an edge both ends are seen on
         # one, which may be another one along the next edge.
         seen = self.beyond[self.corner[self.rim.owner[:, None], self.rim.ends]]
         self.passed = seen[:, 0] - seen[:, 1]
         often = np.add.reduceat(self.passed, self.begins)
-        at, own = self.ends[0, self.begins], often[self.cuts, np.arange(len(self.cuts))]
-        self.jumps_by = -around[self.cuts] / own[:, None]
-        rest = around + often @ self.jumps_by
-        self.jumps_by[:, 0] -= (self.jumps_by[:, 1:] * at[self.cuts]).sum(axis=1)
-        rest[:, 0] = around[:, 0] + (
-            often * (self.jumps_by[:, 0] + at @ self.jumps_by[:, 1:].T)
-        ).sum(axis=1)
-        # What the outer border bears goes to holes of its part that are held.
-        left_by = -rest
-        left_by[:, 0] += (rest[:, 1:] * at).sum(axis=1)
-        # It passes all its cuts in one sense.
-        left_by *= np.where(often.sum(axis=1, keepdims=True) < 0, -1.0, 1.0)
-        # Equations of the jumps: what is left of each part, and that pins bear no couples.
-        loops, part = np.argwhere(self.closed & ~self.hole[:, None]), self.part[self.begins]
+        # What phi grows by round closed loops is made good by the jumps of the cuts that they pass,
+        # which are linear functions; at its pivot that of a pin, the couple, is 0.
+        loop, k = np.nonzero(self.closed & often.any(axis=1, keepdims=True))
         pivot = self.rim.pivot[self.begins[self.cuts]]
-        pins = np.flatnonzero(np.isfinite(pivot[:, 0]))
-        table = np.zeros((len(loops) + len(pins), 3 * len(self.cuts) + 1))
-        for row, (loop, k) in zip(table, loops, strict=False):
-            row[k:-1:3] = (part[self.cuts] == part[loop]) & ~self.closed[self.cuts, k]
-            row[-1] = left_by[loop, k]
-        for row, pin in zip(table[len(loops) :], pins, strict=True):
-            row[3 * pin : 3 * pin + 3] = 1.0, *pivot[pin]  # the couple about each point
-        self.others, rest = eliminated(table)
+        pin = np.flatnonzero(np.isfinite(pivot[:, 0]))
+        place = np.concatenate([self.ends[0, self.begins[loop]], pivot[pin]])
+        terms = np.eye(3)[np.append(k, 0 * pin)]
+        terms[:, 1:] += terms[:, :1] * place
+        times = np.concatenate([often[loop], np.eye(len(self.cuts))[pin]])
+        table = (times[:, :, None] * terms[:, None]).reshape(len(times), self.runs - self.jump)
+        table = np.column_stack([table, np.append(-around[loop, k], 0.0 * pin)])
+        self.others, rest = eliminated(table, np.abs(self.ends).max())
+        rest = np.append(rest, around[~often.any(axis=1)])
         self.unbalanced = float(np.abs(rest).max(initial=0.0)) / self.forces
         """Share of all forces by which those on a part of the body do not balance."""
 
@@ -243,28 +234,25 @@ class Sheets:
 
     def _shut(self, fixed: Flags) -> Entries:
         """Say what forces and couples of cuts are known, or follow from those of others."""
-        shut = self.closed[self.cuts]
-        cut, given = np.nonzero(shut)
-        fixed[self.jump : self.jump + shut.size] = shut.ravel()
-        entries = self._as_known(self.jump + 3 * cut + given, self.jumps_by[cut, given])
         lead, table = self.others
         fixed[self.jump + lead] = True
         row, column = np.nonzero(table[:, :-1])
-        entries += self._as_known(self.jump + lead, table[:, -1])
+        entries = self._as_known(self.jump + lead, table[:, -1])
         return [*entries, (self.jump + lead[row], self.jump + column, -table[row, column])]
 
 
-def eliminated(table: Floats) -> tuple[tuple[Ints, Floats], Floats]:
-    """Return unknowns of linear equations, by what the others leave; and what has to be 0.
+def eliminated(table: Floats, reach: float) -> tuple[tuple[Ints, Floats], Floats]:
+    """Return which unknowns follow from others by linear equations, and how; and what must be 0.
 
-    In the last column are the right-hand sides.
+    The last column has the right-hand sides. Every first of three unknowns is rather one that
+    follows than those beside it, which count as far as places may reach.
     """
-    lead = np.full(len(table), -1)
-    while (size := np.abs(table[:, :-1]) * (lead < 0)[:, None]).max(initial=0.0) > 1e-9:
+    lead, weight = np.full(len(table), -1), np.ones(table.shape[1] - 1)
+    weight[1::3] = weight[2::3] = 1.0 / reach
+    while (size := np.abs(table[:, :-1] * weight) * (lead < 0)[:, None]).max(initial=0.0) > 1e-9:
         row, column = np.unravel_index(size.argmax(), size.shape)
         lead[row] = column
         table[row] /= table[row, column]
-        rest = table[:, [column]] * (np.arange(len(table)) != row)[:, None]
-        table -= rest * table[row]
+        table -= table[:, [column]] * (np.arange(len(table)) != row)[:, None] * table[row]
     table[np.arange(len(table)), lead] *= lead < 0
     return (lead[lead >= 0], table[lead >= 0]), table[lead < 0, -1]

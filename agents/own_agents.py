@@ -27,6 +27,8 @@ HOOKS: dict[type, tuple[str, ...]] = {
     FaceAgent: ("due", "take", "pass_on"),
 }
 """What a subclass may override, by its base."""
+MEANT = {"emit": "emissions", "receive": "take"} | dict.fromkeys(("go", "tick", "advance"), "step")
+"""What other frameworks call, and the hook that does the same."""
 MOST_EMISSIONS = 1_000
 """An agent that sends out more for one load is taken to never end."""
 
@@ -88,14 +90,15 @@ def _check_names(name: str, agent: type, base: type, brought: dict[str, Any]) ->
 def _check_hooks(whose: str, agent: type, base: type, brought: dict[str, Any]) -> None:
     """Refuse methods nearly called as a hook, hooks with other arguments, steps that take none."""
     own = {k: v for k, v in brought.items() if isinstance(v, FunctionType)}
-    never = {"step"} - {*HOOKS[base]}  # which Mesa's agents have, and kaju calls of cells only
+    never = {"step", "advance"} - {*HOOKS[base]}  # Mesa's; kaju calls steps of cells only
     for key in own.keys() - (set(dir(base)) - never):
-        bare = key.lower().removeprefix("on_").removeprefix("do_")  # as other frameworks' hooks
-        near = get_close_matches(bare, HOOKS[base], n=1, cutoff=0.81)  # intake is no slip
+        bare = key.lower().removeprefix("on_").removeprefix("do_").removesuffix("_agent")
+        near = get_close_matches(MEANT.get(bare, bare), HOOKS[base], n=1, cutoff=0.81)  # no intake
         other = [other.__name__ for other in HOOKS if key in HOOKS[other]]
         meant = f"did you mean {near[0]!r}" if near else f"should it be a {' or '.join(other)}"
         told = f"{whose} has a method {key!r}, which kaju never calls; {meant}? If the name is"
-        require(not (near or other), f"{told} intended, begin it with _")
+        called = any(key in one.__code__.co_names for name, one in own.items() if name != key)
+        require(called or not (near or other), f"{told} intended, begin it with _")
     for hook in own.keys() & {*HOOKS[base]} | {"__init__"}:
         function, start = getattr(agent, hook), tuple(signature(getattr(base, hook)).parameters)
         told = f"{whose}.{hook} takes {signature(function)}, but a model calls it with"
@@ -121,7 +124,10 @@ def noting_agents() -> Iterator[None]:
             if hook in chain(*HOOKS.values()) and isinstance(agent, PlacedAgent | FaceAgent):
                 called, within = agent.model.engine.guard.called(agent), hook
         if called and called not in str(error):
-            error.add_note(f"in {within} of {called}")
+            told = f"in {within} of {called}"
+            told += "; agent_at of a cell that sleeps is None" * ("'NoneType'" in str(error))
+            told += "; [*super().emissions(load), row] adds a row" * ("te tuple" in str(error))
+            error.add_note(told)
         raise
 
 
@@ -167,8 +173,7 @@ class OwnAgents:
             if not isinstance(getattr(agent, name), kind):
                 raise self.wrong(agent, name, f"has become {brief(getattr(agent, name))}")
         known = self.names.get(type(agent)) or vars(agent)
-        new = [name for name in vars(agent) if name not in known and not hasattr(type(agent), name)]
-        for name in [name for name in new if name[0] != "_"]:
+        for name in sorted(n for n in {*vars(agent)} - {*known, *dir(type(agent))} if n[0] != "_"):
             near = get_close_matches(name, known, n=1, cutoff=0.85)
             unset = near and near[0] in {*declared([type(agent)], State)} - {*vars(agent)}
             if near and (unset or not name.startswith(near[0])):

@@ -68,13 +68,11 @@ class Parameter(Declaration):
     1.0
     """
 
-    name = "Parameter, its default"
-
     def __init__(
         self, default: float, low: float | None = None, high: float | None = None, text: str = ""
     ) -> None:
         super().__init__(default, low, high)
-        self.text = text
+        self.name, self.text = f"Parameter({default!r}, {low!r}, {high!r})", text
         numbers = is_number(low) and is_number(high)
         bounded = self.is_bool or (numbers and low <= high)  # type: ignore[operator]
         example = f'Parameter({default!r}, 0, 10, "what it means")'
@@ -144,8 +142,7 @@ class State(Declaration):
     def __init__(self, default: Any, meaning: str = "") -> None:
         super().__init__(default)
         self.meaning = meaning
-        if self.whole:
-            self.kind += " (State(0.0) takes any)"
+        self.kind += " (State(0.0) takes any)" * self.whole
         told = "State: its default must be a number, True or False"
         require(is_number(default), f"{told}, got {brief(default)}")
 

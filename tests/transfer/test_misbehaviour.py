@@ -68,6 +68,10 @@ def run(own, order="wave", **limits):
     return LoadModel(scene(), **own, **limits).run(progress=False)
 
 
+ELSEWHERE = ("passOn", "on_take", "emit", "go", "receive", "advance", "step_agent")
+ADDS = material(emissions=lambda self, load: self.go(load), go=lambda self, load: () + [load])
+ASKS = material(emissions=lambda self, load: self.model.agent_at((0, 0)).kept)
+THERE = "pass_on of Mine at cell (1, 2) in generation 1"
 AHEAD = kaju.Emission(0, 0, 0.1, "push")
 REFUSED = {
     "share NaN": each(lambda a, d, s, t: (a, d, nan, t)),
@@ -108,8 +112,7 @@ REFUSED = {
     "pass_on twice": passes(lambda self, load: [MaterialAgent.pass_on(self, load) for _ in "ab"]),
     "passes rows on": passes(lambda self, load: self.emissions(load)),
     "steps without super": material(step=lambda self: None),
-    "hook misspelt": material(passOn=lambda self, load: None),
-    "hook of another style": material(on_take=lambda self, load: None),
+    **{f"hook {name}": material(**{name: lambda self, load: None}) for name in ELSEWHERE},
     "takes a number": material(take=lambda self, load: MaterialAgent.take(self, load.magnitude)),
     "gives back inside": material(give_back=lambda self, load, arm: load),
     "rule takes none": {"rule": type("Mine", (kaju.PrescribedRule,), {"shares": lambda m: 0})()},
@@ -198,6 +201,8 @@ class Face(FaceAgent):
 @pytest.mark.parametrize(("own", "told", "note"), [
     ({"material_agent": Mine}, "load._replace.magnitude=", "take of Mine at cell (1, 2) in gener"),
     ({"material_agent": Reads}, "invalid literal", "pass_on of Reads at cell (1, 2) in gener"),
+    (ADDS, "tuple", f"{THERE}; [*super().emissions(load), row] adds a row"),
+    (ASKS, "kept", f"{THERE}; agent_at of a cell that sleeps is None"),
     ({"material_agent": Yields}, "no attribute 'wear'", "shortening of Yields at cell (1, 2)"),
     ({"boundary_agents": {"rigid": Wall}}, "zero", "give_back of Wall at cell (1, -1) in gener"),
     ({"face_agent": Face}, "asked", "due of Face at the lower x face of cell (1, 2) in step"),

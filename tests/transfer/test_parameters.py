@@ -59,12 +59,10 @@ def test_it_is_the_same_for_all_agents():
 
     with pytest.raises(ParameterError, match="loads: is a Parameter"):
         LoadModel(pressed(), material_agent=Careless).run()
-    with pytest.raises(ParameterError, match="low, high"):
-        Parameter(3)
-    with pytest.raises(ParameterError, match="must be a whole number from 1 to 2"):
+    with pytest.raises(ParameterError, match=r"r.3, 1, 2.: must be a whole number from 1 to 2"):
         Parameter(3, 1, 2)
-    for low, high in ((2, 1), ("a", 1)):
-        with pytest.raises(ParameterError, match=f"the smaller first, .*got {low!r} and {high}"):
+    for low, high in ((2, 1), ("a", 1), (None, None)):
+        with pytest.raises(ParameterError, match=f"^low, high: .*smaller.*got {low!r} and {high}"):
             Parameter(1, low, high)
 
 
@@ -80,10 +78,7 @@ def test_classes_that_cannot_be_agents_are_named():
     for wrong in (3, Short, RigidBoundaryAgent, MaterialAgent.step):
         with pytest.raises(ParameterError, match="material_agent: "):
             LoadModel(pressed(), material_agent=wrong)
-    for walls, told in (
-        (MaterialAgent, ": must be a "),
-        ({"rigid": MaterialAgent}, r"\['rigid'\]: "),
-    ):
+    for walls, told in ((MaterialAgent, ": must"), ({"rigid": MaterialAgent}, r"\['rigid'\]: ")):
         with pytest.raises(ParameterError, match=f"boundary_agents{told}"):
             LoadModel(pressed(), boundary_agents=walls)
     for name in ("random", "dropped", "cell_x", "stress"):

@@ -40,6 +40,7 @@ MEANINGS = {
     "couple_Nm": "of the support on the body, about its middle; in the plane > 0 turns left",
     "energy_bounds": "the true energy lies between them",
     "error_bound": "a share, in the energy norm; the true error is not larger",
+    "error_bound of goals": "of the whole body, in the energy norm: not of the tolerance",
     "error_estimate": "a share, in the energy norm: 0.05 is 5 %",
     "free_boundary_agents": "in the air, which hands loads back as they came",
     "generations": "rounds in which agents acted; if they spawned, pages call the first one 0",
@@ -47,8 +48,7 @@ MEANINGS = {
     "largest_change": "of a density, in the last step",
     "largest_hoop_stress_Pa": "the largest by amount along that outline; below 0 it is pressed",
     "largest_load_factor": "times the loads of the scene",
-    "largest_corner_stress_Pa": "at a corner of an agent, a cell away from where it has no limit",
-    "largest_stress_Pa": "mean over one agent; there may be twice as much within it",
+    "largest_stress_Pa": "at a corner of an agent, a cell away from where it has no limit",
     "load_dropped": "not above γ, so it woke nobody",
     "load_taken": "by all agents; a load counts again in each that passes it on",
     "material_agents": "cells of the body that a load above γ woke",
@@ -59,24 +59,17 @@ MEANINGS = {
     "set_free_at_jumps_J": "by loads that are put on or taken off at once",
     "spectral_radius": "times as much load a generation, if loads that meet were added",
     "tolerance": "a share, in the energy norm",
+    "tolerance of goals": "of the goal",
     "tolerance_kept": "in the energy norm, not of the stresses above",
+    "tolerance_kept of goals": "of the goal",
 }
-"""What key figures mean, if their names do not say it."""
-
-OF_GOALS = {
-    "error_bound": "of the whole body, in the energy norm: not what the tolerance is about",
-    "tolerance": "of the goal",
-    "tolerance_kept": "of the goal",
-}
-"""What some mean if there are goals."""
+"""What key figures mean, if their names do not say it; some mean another thing beside goals."""
 
 NAMES = {
     "spectral_radius": "growth_if_added_up",
     "seconds": "time_taken",
-    "largest_corner_stress_Pa": "largest_von_Mises_Pa",
-    "largest_corner_stress_at_m": "largest_von_Mises_at_m",
-    "largest_stress_Pa": "largest_mean_von_Mises_Pa",
-    "largest_stress_at_m": "largest_mean_at_m",
+    "largest_stress_Pa": "largest_von_Mises_Pa",
+    "largest_stress_at_m": "largest_von_Mises_at_m",
     "load_dropped": "load_ended",
     "goals": "goal",
 }
@@ -112,13 +105,14 @@ class Console:
 
 def _rows(summary: Mapping[str, Any]) -> Iterator[tuple[str, str, str]]:
     """Yield key figures as people read them, with what they mean, if they are known."""
-    meanings = MEANINGS | (OF_GOALS if "goals" in summary else {})
+    of = " of goals" * ("goals" in summary)
     for key, value in summary.items():
         # Of a goal its own error counts, and of an answer with a bound the bound.
         other = "goals" in summary or value == summary.get("error_bound")
         if key in SAID or value is None or (key == "error_estimate" and other):
             continue
-        name, unit, meaning = NAMES.get(key, key), UNITS.get(key, ""), meanings.get(key, "")
+        name, unit, meaning = NAMES.get(key, key), UNITS.get(key, ""), MEANINGS.get(key + of)
+        meaning = meaning or MEANINGS.get(key, "")
         stem, _, ending = name.rpartition("_")
         if stem and ending in ("N", "Nm", "m", "J", "s", "Pa"):
             name, unit = stem, ending
@@ -130,13 +124,12 @@ def _rows(summary: Mapping[str, Any]) -> Iterator[tuple[str, str, str]]:
                 yield f"{name} {called}", text_of(v, unit, beside=beside), meaning
         elif isinstance(value, list) and value and isinstance(value[0], Mapping):
             for number, entry in enumerate(value, start=1):
-                units = dict.fromkeys(entry, entry.get("unit", ""))
-                units |= {"relative_error": "", "at_m": "m"}
-                told = {k: v for k, v in entry.items() if v is not None and k != "unit"}
-                parts = [
-                    f"{k.removesuffix('_m')} {text_of(v, units[k], named=True)}"
-                    for k, v in told.items()
-                ]
+                told = {k.removesuffix("_m"): v for k, v in entry.items() if v is not None}
+                units = dict.fromkeys(told, told.pop("unit", "")) | {
+                    "relative_error": "",
+                    "at": "m",
+                }
+                parts = [f"{k} {text_of(v, units[k], named=True)}" for k, v in told.items()]
                 if isinstance(entry.get("value"), list):
                     parts.append("errors are of the vector, relative to its length")
                 yield f"{name} {number}", ", ".join(parts), ""

@@ -246,17 +246,12 @@ def stress_text(result: ElasticResult) -> str:
     peaks = {name: abs(peak) for name, (peak, _) in result.largest_along().items()}
     name = max(peaks, key=peaks.__getitem__, default="")
     # along an outline the hoop stress is the better one
-    if name and peaks[name] > max(found.value, 0.95 * found.corner):
+    if name and peaks[name] > 0.95 * found.value:
         return f"{asked}largest stress {quantity(peaks[name], 'Pa')} along {name!r}"
-    words, value, place = "largest von Mises", found.corner, found.corner_at
-    more = f", at a corner of an agent (largest mean {quantity(found.value, 'Pa')})"
-    if found.corner and found.no_limit:
-        more = f", a cell away from stress without limit: {found.no_limit}"
-    elif found.corner <= found.value:
-        words, value, place = "largest mean stress", found.value, found.at
-        more = f", without limit: {found.no_limit}" if found.no_limit else ""
-    at = ", ".join(quantity(x, "m") for x in place)
-    return f"{asked}{words} {quantity(value, 'Pa')} at ({at}){more}"
+    at = ", ".join(quantity(x, "m") for x in found.at)
+    words = f"{asked}largest von Mises {quantity(found.value, 'Pa')} at ({at})"
+    away = f", a cell away from stress without limit: {found.no_limit}"
+    return words + away * bool(found.no_limit)
 
 
 def plot_cells_deformed(

@@ -58,15 +58,16 @@ MOST_LOOKED_AT = 20_000  # agents whose corners are looked at, those of the larg
 
 
 class LargestStress(NamedTuple):
-    """The largest equivalent (von Mises) stress of an answer, that of an agent."""
+    """The largest equivalent (von Mises) stress of an answer, at a corner of an agent.
+
+    All stresses of the agent reach it, for one alone is wild at the corners of thin parts. Corners
+    less than a cell away from where stress has no limit are left out; if all are, it is the largest
+    mean over an agent.
+    """
 
     value: float  # Pa
-    at: tuple[float, ...]  # The agent's middle (m), or a point of the body near to it
-    no_limit: str  # Why it grows without limit as agents shrink; empty if nothing is known
-    # The largest that its stresses reach at a corner of an agent, a cell or more away from where
-    # stress has no limit (Pa; 0 if no corner is so far away), and where (m)
-    corner: float
-    corner_at: tuple[float, ...]
+    at: tuple[float, ...]  # m
+    no_limit: str  # Why means over agents grow without limit as these shrink; empty if not known
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -355,23 +356,14 @@ class ElasticResult(BodyResult):
 
     @cached_property
     def largest_stress(self) -> LargestStress:
-        """Largest equivalent stress of an agent, where it is, and whether it has a limit."""
+        """Largest equivalent stress at a corner of an agent, where it is, and if it has a limit."""
         # of agents with hardly any body the mean tells little
-        agent = first_largest(self.von_mises * (self.area > 0.01 * self.size**2))
-        place = tuple(self.place_in(agent).tolist())
-        mean = float(self.von_mises[agent]), place, no_limit(self, agent)
-        return LargestStress(*mean, *self._at_corners())
-
-    def _at_corners(self) -> tuple[float, tuple[float, ...]]:
-        """Return the largest equivalent stress at a corner of an agent, and where; `LargestStress`.
-
-        One stress alone is wild at the corners of thin parts; that all reach it is not.
-        """
+        mean = self.von_mises * (self.area > 0.01 * self.size**2)
         cut, h, d = self.cut_agents, self.grid.lattice.cell_size, self.scene.lattice.dimension
         if cut is not None:
             own, points, told = cut.at_corners()
         else:
-            own = np.repeat(np.argsort(-self.von_mises, kind="stable")[:MOST_LOOKED_AT], 2**d)
+            own = np.repeat(np.argsort(-mean, kind="stable")[:MOST_LOOKED_AT], 2**d)
             ends = np.tile(corner_order(d), (len(own) // 2**d, 1))
             points = self.lower[own] + self.size[own, None] * ends
             inside = points + 1e-6 * (self.middle[own] - points)
@@ -381,8 +373,9 @@ class ElasticResult(BodyResult):
         value = self.found.scales.stress * np.min(reached, axis=0)
         if len(sharp := sharp_corners(self.grid) if cut is None else self.sharp_corners):
             value *= nearest(sharp, points)[0] > 0.999 * self.scene.lattice.cell_size
-        at = first_largest(value)
-        return float(value[at]), tuple(points[at].tolist())
+        agent, at = first_largest(mean), first_largest(value)
+        found, place = (value[at], points[at]) if value[at] else (mean[agent], self.place_in(agent))
+        return LargestStress(float(found), tuple(place.tolist()), no_limit(self, agent))
 
     def place_in(self, agent: int) -> Floats:
         """Return the middle (m) of an agent; of one that an outline cuts, a point of the body."""
@@ -429,14 +422,14 @@ class ElasticResult(BodyResult):
         if name not in known:
             told = f"outline_stress: there is no outline {name!r}{suggestion(str(name), known)}"
             raise ResultError(f"{told}; there is {', '.join(known) or 'none with a name'}")
-        return units.length * known[name].place, units.stress * known[name].moved
+        return units.length * known[name].place, units.stress * known[name].hoop
 
     def largest_along(self, component: str = HOOP) -> dict[str, tuple[float, list[float]]]:
         """Return the largest stress (Pa) by amount, and where (m), of named outlines with one."""
         units, found = self.found.scales, {}
         for name, every in self.found.along.items():
             if (along := every.counted()).largest is not None:
-                values = along.values(component)
+                values = getattr(along, component)
                 at = int(np.abs(values).argmax())
                 place = (units.length * along.place[at]).tolist()
                 found[name] = float(units.stress * values[at]), place
@@ -466,7 +459,8 @@ class ElasticResult(BodyResult):
         proved; it jumps a little from agent to agent. Of others `stress`, running from each to the
         next.
         """
-        return self.found.scales.stress * self.found.stress_at(*self.found.located(points))
+        told = self.found.stresses_at(*self.found.located(points))
+        return np.asarray(self.found.scales.stress * np.mean(told, axis=0))
 
     def strain_at(self, points: Floats) -> Floats:
         """Return strain tensors at points (m), shape (n, dimension, dimension)."""
@@ -547,8 +541,6 @@ class ElasticResult(BodyResult):
             "strain_energy": self.strain_energy,
             "error_estimate": finite(self.error_estimate),
             "max_displacement": self.max_displacement,
-            "largest_corner_stress_Pa": found.corner or None,
-            "largest_corner_stress_at_m": list(found.corner_at) if found.corner else None,
             "largest_stress_Pa": found.value,
             "largest_stress_at_m": list(found.at),
             "largest_stress_has_no_limit": found.no_limit or None,

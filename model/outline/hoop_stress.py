@@ -35,10 +35,10 @@ class HoopStress:
     leaf: Ints
     place: Floats  # shape (n, 2)
     balanced: Floats  # hoop stress of the stress in balance: outside where two materials meet
-    moved: Floats
+    hoop: Floats
     """The same of the displacement, with the tension of the stress in balance: the better one."""
     turn: Floats  # angle by which the outline turns in each agent
-    equivalent: Floats  # that of von Mises, of this and the traction of the stress in balance
+    von_mises: Floats  # that of von Mises, of this and the traction of the stress in balance
     counts: Flags
     """Which may be the largest; see `OutlinedBody.singular_on`."""
 
@@ -49,13 +49,9 @@ class HoopStress:
     @property
     def largest(self) -> int | None:
         """Where the stress is largest by amount; None if nowhere, or agents there are too large."""
-        at = int(np.abs(self.moved).argmax()) if len(self.moved) else -1
+        at = int(np.abs(self.hoop).argmax()) if len(self.hoop) else -1
         near = np.arange(at - 1, at + 2) % max(len(self.turn), 1)
         return None if at < 0 or self.turn[near].max() > LARGE else at
-
-    def values(self, component: str) -> Floats:
-        """Return the stresses of a component: hoop, or von Mises."""
-        return self.moved if component == HOOP else self.equivalent
 
     def apart(self, at: int, component: str = HOOP) -> float:
         """Return by how much the stress at a place may be off.
@@ -64,8 +60,8 @@ class HoopStress:
         polygons; or how far it is off those beside it, should that be more.
         """
         near = slice(max(at - BESIDE, 0), at + BESIDE + 1)
-        both = abs(self.balanced[near].mean() - self.moved[near].mean())
-        values = self.values(component)
+        both = abs(self.balanced[near].mean() - self.hoop[near].mean())
+        values: Floats = getattr(self, component)
         beside = values[max(at - 1, 0) : at + 2]
         return float(max(both, np.abs(values[at] - beside).max()))
 

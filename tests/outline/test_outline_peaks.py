@@ -52,7 +52,7 @@ def test_the_peak_is_known_to_the_tolerance(hole, truth, tolerance) -> None:
     answer = kaju.solve(plate(hole), tolerance=tolerance, goal=HOOP)
     (goal,) = answer.goals
     assert goal.quantity == HOOP
-    assert answer.holds([answer.largest_stress.at, answer.largest_stress.corner_at]).all()
+    assert answer.holds([answer.largest_stress.at]).all()
     assert goal.value == answer.outline_stress("hole")[1].max()
     assert abs(goal.value - truth) < goal.error_estimate
     assert goal.error_estimate == pytest.approx(goal.relative_error * goal.value)

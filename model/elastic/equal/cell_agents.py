@@ -157,13 +157,9 @@ class CellAgents(OnCells):
         """Return the displacement at points (m) in or on cells of the grid."""
         return fields.at_nodes(self.corner_displacement, *self._within(points, cells))
 
-    def stress_at(self, points: Floats, cells: Ints) -> Floats:
-        """Return stress tensors at points (m) in or on cells of the grid."""
-        return fields.stress_at(self.parts, self._laws, *self._within(points, cells))
-
     def stresses_at(self, points: Floats, cells: Ints) -> tuple[Floats, ...]:
-        """Return the only stress of equal cells, as `PairAgents` returns those of opinions."""
-        return (self.stress_at(points, cells),)
+        """Return stress tensors at points (m) in or on cells of the grid: the only ones."""
+        return (fields.stress_at(self.parts, self._laws, *self._within(points, cells)),)
 
     @cached_property
     def _laws(self) -> NDArray[np.int32]:

@@ -297,7 +297,8 @@ class Stressed(DualGoal):
     def read(self, found: Found) -> Floats:
         """Return the mean over the place's points."""
         place, cell, weight = self.where.points(found)
-        stress, law = found.stress_at(place, cell), found.law_at(place, cell)
+        stress = np.mean(found.stresses_at(place, cell), axis=0)
+        law = found.law_at(place, cell)
         return np.array([weight @ self._measured(stress, law, found.moduli)])
 
     def _measured(self, stress: Floats, law: Ints, moduli: Moduli) -> Floats:
@@ -308,7 +309,7 @@ class Stressed(DualGoal):
     def _slope(self, found: Found) -> Floats:
         """Return the slopes of the equivalent stress by the components of the mean stress."""
         place, cell, weight = self.where.points(found)
-        mean = np.tensordot(weight, found.stress_at(place, cell), 1)
+        mean = np.tensordot(weight, np.mean(found.stresses_at(place, cell), axis=0), 1)
         step = 1e-4 * float(np.abs(mean).max()) or 1.0
         by = np.zeros((len(self._pairs), *mean.shape))
         for one, (a, b) in zip(by, self._pairs, strict=True):

@@ -140,10 +140,6 @@ class PairAgents(OnCells):
         told: tuple[Floats, ...] = self.opinions.stresses_at(*self.placed(points, cells))
         return told
 
-    def stress_at(self, points: Floats, cells: Ints) -> Floats:
-        """Return stress tensors at points (m) in or on cells of the grid."""
-        return np.asarray(np.mean(self.stresses_at(points, cells), axis=0))
-
     def law_at(self, points: Floats, cells: Ints) -> Ints:
         """Return the index of the moduli of the agents in or on which points lie."""
         return self.leaves.kind[self.placed(points, cells)[0]]

@@ -176,16 +176,16 @@ class CutAgents(PairAgents):
         for name, every in self.along.items():
             along, sought = every.counted(), asked is not None and asked.at == name
             if not every.counts.all() and not sought:
-                parts = "that of its rounded parts" if len(along.moved) else "not told"
+                parts = "that of its rounded parts" if len(along.hoop) else "not told"
                 notes.append(
                     f"along {name!r} stress has no limit at a corner or where it meets a side: its "
                     f"largest hoop stress is {parts}"
                 )
             if (at := along.largest) is None:
-                coarse += [repr(name)] if len(along.moved) else []
+                coarse += [repr(name)] if len(along.hoop) else []
                 continue
-            peak, off = mega * float(along.moved[at]), mega * along.apart(at)
-            reached = mega * float(along.equivalent.max())
+            peak, off = mega * float(along.hoop[at]), mega * along.apart(at)
+            reached = mega * float(along.von_mises.max())
             if name in self.ground.rigid.values():
                 reach.append(f"{reached:.4g} MPa along {name!r}")
                 continue

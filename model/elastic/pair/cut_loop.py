@@ -243,7 +243,7 @@ class _Peak:
             if not often.any():
                 raise ParameterError(f"goal: no part of the body ends along {self._asked.at!r}")
             return self._aimed(np.zeros(len(pair.leaves)), often)
-        values = along.values(self._asked.component)
+        values = getattr(along, self._asked.component)
         at = int(np.abs(values).argmax())
         self._value, self._place = float(values[at]), tuple(along.place[at].tolist())
         # The error of a small peak is relative to a hundredth of the largest stress.

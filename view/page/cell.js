@@ -81,7 +81,7 @@ function senderOf({ run: { lattice: L, kinds, woken, spawn }, t }, { from }, k) 
 function sign(L, channel) { const [x, y] = L.normals[channel % L.D]; return "→↗↑↖←↙↓↘"[(Math.round(Math.atan2(y, x) / (Math.PI / 4)) + 8) % 8]; }
 
 const FORMULA = { ahead: "α₂P", along: "α₃P", outwards: "(1−β)να₁P" };
-const newtons = (load) => quantity(Number((load * (1 + 1e-9)).toPrecision(3)), "N");   // halves go up
+const newtons = (load, largest) => quantity(Number((load * (1 + 1e-9)).toPrecision(3)), "N", largest);   // halves go up
 
 MODES.push({
   name: "cell", alone: true,
@@ -130,7 +130,7 @@ function cellCards(page) {
     const some = list.filter((e) => e.kind === kind), [first] = some;
     if (!first) return [];
     const to = kind === "ahead" ? `${t("ahead")}, ${cellName(L, L.neighbour(k, first.arm))}` : t(kind === "along" ? "sideways" : kind);
-    return [make("tr", { className: first.ends ? "faint" : "" }, ...cells(to, FORMULA[kind], `${some.length > 1 ? `${some.length} × ` : ""}${newtons(first.load)}${first.ends ? `, ${t("ends_")}` : ""}`))];
+    return [make("tr", { className: first.ends ? "faint" : "" }, ...cells(to, FORMULA[kind], `${some.length > 1 ? `${some.length} × ` : ""}${newtons(first.load, row.each)}${first.ends ? `, ${t("ends_")}` : ""}`))];
   });
   const mine = Array.from({ length: L.D }, (_, arm) => L.neighbour(k, arm)).filter((n) => Array.from({ length: L.D }, (_, arm) => arm).some((arm) => run.woken[n] >> arm & 1 && L.neighbour(n, arm) === k));
   const sum = (of) => taken.filter(of).reduce((s, r) => s + r.each * r.copies, 0);
@@ -139,7 +139,7 @@ function cellCards(page) {
   const out = total / row.each, balance = make("p", {}, make("b", { textContent: t("inOut", { x: quantity(Number(out.toPrecision(4)), "N") }) }));
   return [make("p", {}, make("b", { textContent: story ? t("inAll", { a: newtons(story.total), b: newtons(story.kept ?? 0), c: newtons(story.passed ? story.passed.reduce((a, b) => a + b, 0) : 0) }) + (story.dropped ? t("endedHere", { d: newtons(story.dropped) }) : "") : "" }), ...(run.scene.rule.accumulate ? [` ${t("addsUp")}`] : [])),
     card(t("cameIn", { g, c: cellName(L, k) }), table),
-    card(t("ofThisLoad", { p: newtons(row.each) }), make("table", {}, make("tr", {}, ...cells(t("keeps"), "α₁P", newtons(own))), ...parts)),
+    card(t("ofThisLoad", { p: newtons(row.each) }), make("table", {}, make("tr", {}, ...cells(t("keeps"), "α₁P", newtons(own, row.each))), ...parts)),
     card(t("cameBack"), make("table", {}, line(t("fromWoken"), sum((r) => mine.includes(r.from))), line(t("fromEdge"), edge))), ...(Math.abs(out - 1) > 1e-9 ? [balance] : [])];
 }
 
@@ -200,14 +200,14 @@ function paintCell(page, box) {
     const x = kind === "ahead" ? cx + ax * 0.46 * s : cx + ax * (kind === "along" ? 0.78 : 0.54) * s - (kind === "along" ? ex * 0.06 * s : dx * 0.34 * s);
     const y = kind === "ahead" ? cy + ay * 0.46 * s : cy + ay * (kind === "along" ? 0.78 : 0.54) * s - (kind === "along" ? ey * 0.06 * s : dy * 0.34 * s);
     thick(ctx, x, y, ex, ey, length, Math.max(ends ? 8 : 2, width(load)), inks.load, inks, ends);
-    const text = `${newtons(load)}${ends ? `: ${t("ends_")}` : ""}`, upright = Math.abs(ey) > 0.5;
+    const text = `${newtons(load, P)}${ends ? `: ${t("ends_")}` : ""}`, upright = Math.abs(ey) > 0.5;
     const [wx, wy] = kind === "ahead" ? [x + ex * length * 0.6 + (upright ? width(load) / 2 + 10 : 0), y + ey * length * 0.6 + (upright ? 0 : width(load) / 2 + 14)] : kind === "along" ? [x + ex * length * (upright ? 0.5 : 0.5), y + ey * length + (upright ? ey * 14 : 18)] : upright ? [x - 12, y + ey * length * 0.5] : [x + ex * length * 0.5, y + 17];
     const align = !upright || kind === "along" ? "center" : kind === "ahead" ? "left" : "right";
     say(text, wx, wy, ends ? inks.ink : inks.load, ends ? `600 ${font}` : bold, align);
     if (s > 120) say(FORMULA[kind], wx, wy + (kind === "along" && ey < -0.5 ? -17 : 17), inks.soft, font, align);
   }
   const middle = cy + (behind ? 0 : 0.3 * s);
-  say(`${t("keeps")} ${newtons(own)}`, cx, middle - 6, inks.ink); say("α₁P", cx, middle + 13, inks.ink, font);
+  say(`${t("keeps")} ${newtons(own, P)}`, cx, middle - 6, inks.ink); say("α₁P", cx, middle + 13, inks.ink, font);
   words.forEach(([text, x, y, ink, options]) => paintWord(ctx, text, x, y, ink, inks, options));
   ctx.restore();
   if (s > 120) t("cellKey", { g: quantity(run.scene.rule.threshold, "N") }).split(" · ").forEach((line, n) => paintWord(ctx, line, cx - 1.2 * s, cy + 1.21 * s + 12 + 17 * n, inks.soft, inks));

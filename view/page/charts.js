@@ -1,7 +1,7 @@
 // Curves over the generations: agents, load on its way, the largest load, and where loads went.
 import { make } from "./controls.js";
 import { fitted, FONT } from "./paint.js";
-import { general, local, prefixOf, quantity } from "./words.js";
+import { local, prefixOf, quantity } from "./words.js";
 
 /** The curves of a run: [word, unit, lists, names of the lists]. */
 export function curvesOf(run) {
@@ -66,7 +66,7 @@ function paintChart(ctx, box, { word, unit, lists, shown, names, over, now, log 
   const first = over[0] ?? 0, reach = over.reduce((most, at) => Math.max(most, at - first), end - first) || 1;
   const [unitAt, prefixAt] = prefixOf(first + reach, axis), [factor, prefix] = prefixOf(Math.max(top, -low), unit), short = (v, digits) => local(String(Number((v / factor).toPrecision(digits))));
   const here = now === null || now === undefined ? -1 : course ? now : now > over.at(-1) + 1e-9 * reach ? -1 : over.findLastIndex((v) => v <= now + 1e-9 * reach), single = lists.length === 1, inkOf = (i) => (single ? inks.rule : [inks.rule, inks.elastic, inks.miss, inks.soft][i % 4]), dashOf = (i) => (i ? [5, 3] : []);
-  const about = `${word}${prefix || unit ? `, ${prefix}${unit}` : ""}${log ? " (log)" : ""}`, told = (v) => (v === undefined ? "" : unit && (!v || Math.abs(v) > 1e-4 * factor) && Math.abs(v) < 1e4 * factor ? `${general(v / factor, 4).replace("-", "−")} ${prefix}${unit}` : quantity(Math.abs(v) > 1e-15 * top ? v : 0, unit));   // in the unit of the axis; what rounding leaves is nothing
+  const about = `${word}${prefix || unit ? `, ${prefix}${unit}` : ""}${log ? " (log)" : ""}`, told = (v) => (v === undefined ? "" : quantity(Math.abs(v) > 1e-15 * top ? v : 0, unit, Math.max(top, -low)));   // what rounding leaves is nothing
   const curves = shown.map((list, i) => (single ? { text: list[here] === undefined ? "" : `● ${told(list[here])}`, ink: inks.ink, bold: true } : { text: `${names[i]} ${told(list[here])}`, ink: inkOf(i), dash: dashOf(i) }));
   const head = LINE * paintHead(ctx, box.w, [{ text: about, ink: inks.soft }, ...curves]) + 8;
   const x = LEFT, y = head, w = box.w - LEFT, h = box.h - head - FOOT;

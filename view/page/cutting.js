@@ -8,7 +8,7 @@ import { hand } from "./scene.js";
 import { general, local, prefixOf, quantity } from "./words.js";
 
 const SAME = 1e-9, NUMBERS = 46;               // of the load: what rounding leaves; pixels for the numbers beside bars
-const inOneUnit = (v, { needed, carried }) => { const top = Math.max(Math.abs(needed) || 0, Math.abs(carried)), [factor, prefix] = prefixOf(top, "N"); return Number.isNaN(v) || Math.abs(v) < 1e-3 * top ? quantity(v, "N") : `${general(v / factor, 4).replace("-", "−")} ${prefix}N`; };   // the forces of a cut, unless they are far apart
+const inOneUnit = (v, { needed, carried }) => quantity(v, "N", Math.max(Math.abs(needed) || 0, Math.abs(carried)));   // the forces of a cut
 const depthOf = (page) => page.run.lattice.shape[loadAxis(page.scene).axis];
 /** The row (or column) that is cut: near the load, until a reader moves the cut. */
 const rowOf = (page) => page.look.row ??= Math.floor(0.82 * depthOf(page));

@@ -141,7 +141,7 @@ export class MotionPage extends Page {
       ctx.strokeStyle = inks.paper; ctx.lineWidth = 5; ctx.beginPath(); ctx.arc(x, y, 9, 0, 7); ctx.stroke();
       ctx.strokeStyle = inks.ink; ctx.lineWidth = 2; ctx.stroke();
     }
-    if (scale && !(this.lesson?.step === "step" && this.g === 0 && look.colour !== "density")) paintLegend(view, scale, this.word(look.colour), this.kindOf(scale), (v) => quantity(v, this.unitOf(look.colour)), inks);
+    if (scale && !(this.lesson?.step === "step" && this.g === 0 && look.colour !== "density")) paintLegend(view, scale, this.word(look.colour), this.kindOf(scale), (v) => quantity(v, this.unitOf(look.colour), scale.log ? 0 : scale.high), inks);
     const level = this.visits[this.g], block = Array(this.dimension).fill(2 ** level).join("×");
     this.parts.cap.textContent = this.told || [level > 0 && t("parents", { n: block }), this.times && Math.abs(this.times - 1) > 1e-9 && t("magnified", { n: quantity(this.times, "") }), this.lesson && t("measures", { s: this.sides.map((side) => quantity(Number(side.toPrecision(3)), "m")).join(" × ") }), this.lesson && this.corners === 2 && t(this.pulls ? "pulledMark" : "heldMark"), this.breaking.length > 0 && t("breaksNow"), this.lesson && this.breaking.length > 0 && this.g === this.run.generation && this.parts.verdict.textContent].filter(Boolean).join(" · ");
   }
@@ -236,7 +236,7 @@ export class MotionPage extends Page {
     if (!box.isConnected) return;
     const { lesson } = this, seen = this.seen = Math.max(this.seen ?? 0, g), limit = lesson?.step !== "step" || lesson.teacher ? Infinity : at[seen];   // what a lesson lets read is played first
     const list = lesson?.curves ? lesson.curves.flatMap((name) => curveList.find(({ title }) => title.startsWith(name)) ?? []) : curveList.slice(0, 6), most = (list) => Math.max(...list.map(Math.abs)), shown = (lines, all = Object.entries(lines)) => all.filter(([, list]) => all.length < 4 || most(list) > 0.01 * Math.max(...Object.values(lines).map(most)));   // of many, those that are not nothing
-    if (g && lesson && this.canvas.clientWidth < 520 && !(this.breaking.length && g === this.run.generation)) this.parts.cap.textContent = list.filter(({ place }) => !place).map(({ title, unit, at: over, lines }) => `${named(title)}: ${Object.values(lines).map((line) => quantity(line[over.findIndex((v) => v >= at[g])], unit)).join(", ")}`).join(" · ");   // on a phone the charts are a long way down
+    if (g && lesson && this.canvas.clientWidth < 520 && !(this.breaking.length && g === this.run.generation)) this.parts.cap.textContent = list.filter(({ place }) => !place).map(({ title, unit, at: over, lines }) => `${named(title)}: ${Object.values(lines).map((line) => quantity(line[over.findIndex((v) => v >= at[g])], unit, most(line))).join(", ")}`).join(" · ");   // on a phone the charts are a long way down
     paintGrid(box, list.map(({ title, unit, at: over, axis, lines, logarithmic, course, bars, place }) =>
       ({ word: named(title), unit, over, lists: shown(lines).map(([, list]) => list), names: shown(lines).map(([name]) => named(name)), now: place ? null : at[g], log: logarithmic, course, bars, axis, end: place || course ? 0 : at.at(-1), limit: place && limit < at.at(-1) ? -Infinity : limit })), inks);
   }

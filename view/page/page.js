@@ -308,7 +308,7 @@ export class Page {
     this.loads.paint(view);
     if (this.picked >= 0) paintPick(view, L.cell(this.picked), inks);
     if (part.window) view.ctx.clearRect(0, view.h - 52, view.w, 52);
-    if (!box.w && (!this.lesson || this.g > 0)) paintLegend(view, scale, this.word(look.colour), this.kindOf(scale), (v) => quantity(v, UNITS[look.colour]), inks);
+    if (!box.w && (!this.lesson || this.g > 0)) paintLegend(view, scale, this.word(look.colour), this.kindOf(scale), (v) => quantity(v, UNITS[look.colour], scale.log ? 0 : scale.high), inks);
     const scaled = moved ? t("magnified", { n: quantity(factor, "") }) : run.grown && this.g >= run.generation ? t("grown") : run.atRest && !run.generation ? t("nothing") : look.colour === "taken" && !box.w && this.canvas.clientWidth > 520 && values.some((v) => v > 1.001 * run.applied) ? t("takenMore") : "";
     const ruled = this.deformable && !box.w && moved ? t("keepsNone") : "";   // beside cuts a card says so
     const sensed = look.arrows && !box.w && run.C > L.D ? t("arrowKey") : "";

@@ -69,7 +69,7 @@ def rings_of(found: CutAgents) -> list[tuple[Floats, Floats]]:
 def arrows_of(found: CutAgents) -> Arrows:
     """Return few arrows that stand for the loads on agents within outlines.
 
-    One stands for what would lie over each other, else 5 for a side, or 16 for an outline.
+    One stands for what would lie over each other, else 5 for a straight edge, or 16 for another.
     """
     from kaju.model.elastic.pair.sheets import loops_of  # these need SciPy, pictures of loads none
     from kaju.model.outline.posed_outlines import SIDES
@@ -79,17 +79,20 @@ def arrows_of(found: CutAgents) -> Arrows:
     walk = np.concatenate(loops_of(*border.ends.T))
     walk = walk[force[walk].any(axis=1)]
     places = np.where(border.side >= 0, border.side, len(SIDES) + border.outline)[walk]
-    drawn = []
+    drawn, runs = [], []
     for place in np.unique(places).tolist():
         rows = walk[places == place]
         # what is not loaded all round begins where it does not go on
         gaps = np.flatnonzero(border.ends[rows, 1] != border.ends[np.roll(rows, -1), 0])
-        rows = np.roll(rows, -1 - gaps[0]) if len(gaps) else rows
+        first = gaps[0] if len(gaps) else -1
+        runs += np.split(np.roll(rows, -1 - first), gaps[1:] - first)
+    for rows in runs:
         long, outward = np.hypot(*border.run[rows].T), border.outward[rows]
         unit = force[rows] / np.linalg.norm(force[rows], axis=1, keepdims=True)
         along_it = abs(float(((unit * outward).sum(axis=1) / long).mean())) < 0.5
-        side, even = place < len(SIDES), np.ptp(unit, axis=0).max() < 1e-6
-        count = 1 if even and (along_it or not side) else 5 if side else 16
+        flat = np.ptp(outward / long[:, None], axis=0).max() < 1e-6
+        even = np.ptp(unit, axis=0).max() < 1e-6
+        count = 1 if even and (along_it or not flat) else 5 if flat else 16
         # places, and sums of the forces up to there, at ends and middles of equal parts
         way = np.append(0.0, np.cumsum(long))
         stops = np.linspace(0.0, way[-1], 2 * count + 1)

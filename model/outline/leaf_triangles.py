@@ -57,18 +57,21 @@ def named(points: Floats) -> np.ndarray:
 
 
 def _filled(
-    leaves: LeafCells, some: Ints, whose: Ints, ends: Floats, of: Ints, lines: Floats
+    leaves: LeafCells, some: Ints, of: Ints, lines: Floats, more: dict[int, Floats], marks: Floats
 ) -> Filled:
-    """Return triangles of no law yet between the corners of leaves, and points in them.
+    """Return triangles of no law yet between corners of leaves, ends of lines, and more points.
 
-    Lines within them are sides; points on their sides are corners on both sides of these.
+    Lines within them are sides; points on their sides, and marks there, are corners on both sides.
     """
+    ends = np.concatenate([lines.reshape(-1, 2), *more.values()])
+    owner = np.array([*of, *more], dtype=np.int64)
+    whose = np.repeat(owner, [2] * len(of) + [len(one) for one in more.values()])
     ends_of: tuple[Any, Any] = leaves.lower * UNIT, leaves.upper * UNIT
     low, high = ends_of
     corners = low[some, None] + SQUARE * (high - low)[some, None]
     leaf, points = [np.repeat(some, 4)], [corners.reshape(-1, 2)]
     # Those that come first stay, where others are near: on both sides of a side the same.
-    for known in (points[0], ends):
+    for known in (points[0], ends, marks):
         rows, places = _on_sides(low[some], high[some], known)
         leaf, points = [*leaf, some[rows]], [*points, places]
     whose, places = np.concatenate([*leaf, whose]), np.concatenate([*points, ends])
@@ -191,7 +194,7 @@ def leaf_triangles(
     region = np.repeat(np.arange(len(rings)), [len(one) for one in rings])[line]
     cut = np.zeros((len(rings), len(leaves)), dtype=np.bool_)
     cut[region[leaf >= 0], leaf[leaf >= 0]] = True
-    laws = [*body.laws]
+    laws, marks = [*body.laws], np.array(body.marks).reshape(-1, 2)
 
     size = leaves.size * UNIT
     holds = holding(rings, leaves.lower * UNIT + 0.5 * size[:, None])
@@ -208,12 +211,9 @@ def leaf_triangles(
 
     of, lines = leaf[own], parts[own]
     crossing = {k: _crossings(lines[of == k]) for k in np.flatnonzero(several & held).tolist()}
-    ends = np.concatenate([lines.reshape(-1, 2), *crossing.values()])
-    whose = np.array([*of, *crossing], dtype=np.int64)
-    whose = np.repeat(whose, [2] * len(of) + [len(one) for one in crossing.values()])
     parted = np.isin(np.arange(len(leaves)), of)
     some = held & (parted | (whole >= 0))
-    found = told(_filled(leaves, np.flatnonzero(some), whose, ends, of, lines))
+    found = told(_filled(leaves, np.flatnonzero(some), of, lines, crossing, marks))
     share = found.shares(leaves)
     # What all but fills a leaf fills it.
     full = (share > 1.0 - ROUNDING).any(axis=1)
@@ -233,8 +233,7 @@ def leaf_triangles(
         parted &= ~vague
         of, lines = of[parted[of]], lines[parted[of]]
         some = held & (parted | (whole >= 0))
-        rows, ends = np.flatnonzero(some), lines.reshape(-1, 2)
-        found = told(_filled(leaves, rows, np.repeat(of, 2), ends, of, lines))
+        found = told(_filled(leaves, np.flatnonzero(some), of, lines, {}, marks))
         vague = some & (np.abs(found.shares(leaves).sum(axis=1) - 1.0) > TINY)
         anew = vague.any()
     solid = found.law >= 0

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from copy import copy
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field
 from functools import cached_property
-from itertools import product
+from itertools import chain, product
 from math import gcd, inf
 from typing import ClassVar
 
 import numpy as np
 
-from kaju.arrays import Floats, Ints
+from kaju.arrays import Flags, Floats, Ints
 from kaju.errors import SceneError, SingularPlaceError
 from kaju.model.elastic.corners import sharp_corners
 from kaju.model.elastic.moduli import scene_moduli
@@ -20,11 +20,11 @@ from kaju.model.elastic.pair.leaves import LeafCells
 from kaju.model.elastic.scales import Scales
 from kaju.model.scene import Body, Scene
 from kaju.model.scene.cell_types import HOLDING, INSIDE, PINNED
-from kaju.model.scene.curves import Point
+from kaju.model.scene.curves import Point, cross
+from kaju.model.scene.regions import LoadRegion
 
 from . import true_shapes
 from .arc_triangles import CLOSE, ArcFrames, TouchError, keep_apart
-from .leaf_triangles import parted_lines
 from .triangulation import NEAR
 from .true_shapes import AIR, KINK, RIGID, SLIGHT, TINY, UNIT, Law, TrueBody, TrueRegion, holding
 
@@ -33,49 +33,40 @@ SIDES = {"left": (0, 0), "right": (0, 1), "bottom": (1, 0), "top": (1, 1)}
 BESIDE = 1e-5  # edges of the first agents from the end of an outline: what is on both its sides
 
 
-@dataclass(frozen=True)
-class LoadedOutline:
-    """Tractions s n along the outline of a region, of one stress s and the outward normal n.
+@dataclass(frozen=True, eq=False)
+class EdgeLoad:
+    """What acts on edges of the body: on a side, along an outline, or within a box.
 
-    The same stress in the band between both bodies is in balance and right on every curve.
+    A force is spread `even` along them, over what faces it, even across its direction, or over
+    `both` that and what it pulls at. Tractions on curves are s n, of one stress s and the outward
+    normal n: the same stress in the band between both bodies is in balance and right on every
+    curve. Straight edges, which an even force needs, have no band.
     """
 
-    name: str
-    region: int
-    stress: Floats  # shape (2, 2)
-    facing: Floats | None = None  # a direction: traction acts where it points into the body
+    told: str  # that it meets no edge
+    force: Floats
+    bent: Floats  # a pressure, how it grows along its side, and a couple on that
+    spread: str
+    regions: Mapping[int, TrueRegion]  # whose outlines are loaded
+    sides: Sequence[int] = ()  # numbers of the array's sides that are
+    box: Floats = field(default_factory=lambda: np.array([[-inf, -inf], [inf, inf]]))
 
-    @classmethod
-    def pushed(
-        cls, name: str, number: int, region: TrueRegion, force: Floats, extent: tuple[int, int]
-    ) -> LoadedOutline:
-        """Return a force, even across its direction, on all of the outline that faces it."""
-        size = np.hypot(*force)
-        direction = force / size
-        for line in region.lines:
-            line.arcs = line.parted_along((float(direction[0]), float(direction[1])))
-        facing = cls(name, number, np.zeros((2, 2)), direction)
-        run = np.diff(along(region, extent), axis=1)[:, 0]
-        outward = np.stack([run[:, 1], -run[:, 0]], axis=1) * (1.0 if region.solid else -1.0)
-        towards = outward @ direction
-        width = -towards[towards < -TINY * np.hypot(*run.T)].sum()
-        if not width > 0.0:
-            return facing
-        return replace(facing, stress=-size / width * np.outer(direction, direction))
+    def __post_init__(self) -> None:
+        """Part arcs where they begin to face the force."""
+        for region in self.regions.values() if self.force.any() else ():
+            for line in region.lines:
+                line.arcs = line.parted_along((float(self.force[0]), float(self.force[1])))
 
-
-def along(region: TrueRegion, extent: tuple[int, int]) -> Floats:
-    """Return the chords or tangents of an outline within the array. Shape (n, 2, 2)."""
-    rings = region.rings(not region.solid)
-    start, end = np.concatenate(rings), np.concatenate([np.roll(one, -1, axis=0) for one in rings])
-    for axis, whole in enumerate(extent):
-        every = np.ones(len(start), dtype=np.bool_)
-        start, end, _ = parted_lines(start, end, axis, float(whole), every)
-    middle = 0.5 * (start + end)
-    kept = ((middle >= 0.0) & (middle <= extent)).all(axis=1) & (start != end).any(axis=1)
-    if not region.solid:  # a hole has no body beyond the sides of the array
-        kept &= ((middle > 0.0) & (middle < extent)).all(axis=1)
-    return np.asarray(np.stack([start, end], axis=1)[kept])
+    def shares(self, at: Floats, outline: Ints, side: Ints) -> Floats:
+        """Return the shares of straight pieces, (n, 2, 2), which have the body on their left."""
+        run = at[:, 1] - at[:, 0]
+        there = np.isin(outline, [*self.regions]) | np.isin(side, self.sides)
+        there &= true_shapes.inside(self.box, at.mean(axis=1))
+        share, towards = np.hypot(*run.T), cross(self.force, run)
+        if self.force.any() and self.spread != "even":
+            faces = towards < -TINY * share * np.hypot(*self.force)
+            share = np.where(faces, -towards, np.abs(towards) * (self.spread == "both"))
+        return np.where(there, share, 0.0)
 
 
 class UnlikeError(Exception):
@@ -88,9 +79,7 @@ class OutlinedBody:
 
     Lengths are in edges of the first agents, the first material's Young's modulus is 1. `true` is
     the body, of which `shape` first agents stand along x and y, `edge` (m) large; sides hold along
-    the axes `held`; on `sides` there act a force, a further one on a unit of length, how this grows
-    along the side across it, and a couple, in a row; `outlines` are loaded; `weight` is the force
-    on a unit of area.
+    the axes `held`; `loads` act on edges; `weight` is the force on a unit of area.
     """
 
     dimension: ClassVar[int] = 2
@@ -162,43 +151,24 @@ class OutlinedBody:
 
     def _load(self, modulus: float) -> None:
         """Collect the loads: forces over edges, stresses as strains of the modulus."""
-        scene, unit = self.asked, modulus * self.asked.thickness * self.edge
-        sides = {str(load.side): np.zeros(6) for load in scene.loads if load.side is not None}
-        outlines: list[LoadedOutline] = []
-        for number, load in enumerate(scene.loads):
-            if load.outline is not None:
-                outlines.append(self._outline_load(number, unit))
-                if any(one.name == load.outline for one in outlines[:-1]):
-                    raise SceneError(
-                        f"loads.{number}.outline: {load.outline!r} is loaded already; give one load"
-                    )
-            elif load.pressure is not None:
-                axis, upper = SIDES[str(load.side)]
-                inward = (-1 if upper else 1) / modulus
-                slope = np.array(load.pressure_slope or (0.0, 0.0))
-                there = load.pressure + slope[axis] * scene.lattice.extent[axis] * upper
-                sides[str(load.side)][2 + axis] += inward * there
-                sides[str(load.side)][4] += inward * slope[1 - axis] * self.edge
-            elif load.couple is not None:
-                sides[str(load.side)][5] += float(np.sum(load.couple)) / unit / self.edge
-            else:
-                sides[str(load.side)][:2] += np.array(load.force) / unit
+        scene, unit, rows = self.asked, modulus * self.asked.thickness * self.edge, []
+        for load in scene.loads:
+            axis, upper = SIDES.get(str(load.side), (0, 0))
+            slope = np.array(load.pressure_slope or (0.0, 0.0)) / modulus
+            there = (load.pressure or 0.0) / modulus
+            there += slope[axis] * scene.lattice.extent[axis] * upper
+            couple = float(np.sum(load.couple or 0.0)) / unit / self.edge
+            bent = np.array([there, slope[1 - axis] * self.edge, couple])
+            rows.append((np.array(load.force or (0.0, 0.0)) / unit, bent))
         weight = np.zeros(2)
         if scene.body.gravity is not None and any(scene.body.gravity):
             density = scene.cell_materials[0].density
             assert density is not None
             weight = density * self.edge / modulus * np.array(scene.body.gravity, dtype=np.float64)
-        acting = [*sides.values(), *(one.stress for one in outlines), weight]
-        strain = max(float(np.abs(one).max()) for one in acting)
-        if strain == 0.0:
-            raise SceneError(
-                "loads: without a load or gravity, or with loads of sides that cancel, there is no "
-                "energy to bound; give one of them"
-            )
+        strain = float(np.abs(np.concatenate([weight, *chain(*rows)])).max()) or 1.0
         self.scales = Scales.of(modulus, strain * unit, self.edge, modulus * scene.thickness)
         strain = self.scales.displacement / self.edge
-        self.sides = {side: acts / strain for side, acts in sides.items()}
-        self.outlines = [replace(one, stress=one.stress / strain) for one in outlines]
+        self.loads = [self._edge_load(k, (f / strain, b / strain)) for k, (f, b) in enumerate(rows)]
         self.weight = weight / strain
         for side in SIDES:
             self.check_cusps(side)
@@ -209,13 +179,12 @@ class OutlinedBody:
         It gets as thin as the square of the distance, so the energy of a load there has no limit.
         The deflection of a side is the work of a load on it.
         """
-        pushed = {one.region for one in self.outlines if one.stress.any()}
+        pushed = {which for one in self.loads for which in one.regions}
+        goal_or_load = goal or any([*SIDES].index(side) in one.sides for one in self.loads)
         for number, region in enumerate(self.true.regions if side not in self.held else ()):
             for line, inward in zip(region.lines, region.inward, strict=True):
                 # The body is round this line, and not within it.
-                round_it = inward == region.solid and (
-                    goal or number in pushed or side in self.sides
-                )
+                round_it = inward == region.solid and (goal_or_load or number in pushed)
                 if round_it and line.touches(self.shape, *SIDES[side]):
                     name = self.asked.body.regions[number].name or f"regions.{number}"
                     acts = "a deflection of this side needs a load" if goal else "a load acts"
@@ -225,81 +194,95 @@ class OutlinedBody:
                         "energy has no limit; let the outline cross the side, or keep away from it"
                     )
 
-    def _outline_load(self, number: int, unit: float) -> LoadedOutline:
-        """Return what a load does along an outline; refuse an outline that cannot be loaded."""
-        load, where = self.asked.loads[number], f"loads.{number}.outline"
-        regions, name = self.true.regions, str(load.outline)
+    def _edge_load(self, number: int, acts: tuple[Floats, Floats]) -> EdgeLoad:
+        """Return what a load does along edges; refuse an outline that cannot be loaded."""
+        load, regions = self.asked.loads[number], self.true.regions
+        if load.region is not None:
+            return self._box_load(f"loads.{number}.region.box", load.region, acts)
+        if load.side is not None:
+            told = f"loads: there is no body at the side {load.side} to be loaded"
+            return EdgeLoad(told, *acts, "even", {}, [[*SIDES].index(load.side)])
+        where, name = f"loads.{number}.outline", str(load.outline)
         which = [region.name for region in self.asked.body.regions].index(name)
         check_alone(regions, which, f"{where}: {name!r}", "load")
-        region = regions[which]
-        if region.law == RIGID:
+        if regions[which].law == RIGID:
             raise SceneError(f"{where}: {name!r} holds the body; load another one")
         # the outline meets no other: what holds one point of it holds all
-        at = region.arcs[0, :1, :2] / region.arcs[0, :1, 2:]
-        above = holding([one.rings(True) for one in regions[which + 1 :]], at)
-        if above.any() or region.solid == (self._below(which, at)[0] != AIR):
+        if not self._ends_at(which)[0]:
             raise SceneError(
                 f"{where}: {name!r} is not where the body ends; loads act neither between two "
                 "materials nor in the air, nor below another region"
             )
-        if load.pressure is not None:
-            stress = -load.pressure / self.asked.cell_materials[0].youngs_modulus * np.eye(2)
-            found = LoadedOutline(name, which, stress)
-        else:
-            total = np.array(load.force) / unit
-            found = LoadedOutline.pushed(name, which, region, total, self.shape)
-            if total.any() and not found.stress.any():
-                raise SceneError(f"loads.{number}.force: no part of {name!r} faces it")
-        return self._away_from_sides(found, where)
+        told = f"{where}: no part of {name!r} lies in the array{' and faces it' * bool(load.force)}"
+        return EdgeLoad(told, *acts, "facing", {which: regions[which]})
 
-    def _away_from_sides(self, loaded: LoadedOutline, where: str) -> LoadedOutline:
-        """Return what acts along an outline; refuse a side of the array, where it is lost."""
-        pieces = along(self.true.regions[loaded.region], self.shape)
-        if not len(pieces):
-            raise SceneError(f"{where}: no part of {loaded.name!r} lies within the array")
-        for side, (axis, upper) in SIDES.items():
-            on = (pieces[..., axis] == upper * self.shape[axis]).all(axis=1).any()
-            facing = loaded.facing is None or loaded.facing[axis] * (2 * upper - 1) < -TINY
-            if on and facing:
-                raise SceneError(
-                    f"{where}: {loaded.name!r} lies along the side {side} of the array, where its "
-                    f"loads do not act; take side {side!r}, or draw the body away from it"
-                )
-        return loaded
+    def _ends_at(self, which: int) -> Flags:
+        """Tell along which arcs of a region the body ends, as far as others leave these."""
+        frames = ArcFrames(self.true.regions[which].arcs)
+        at = 0.5 * (frames.start + frames.end)
+        above = holding([one.rings(True) for one in self.true.regions[which + 1 :]], at)
+        air = np.array([law == AIR for law in self._below(which, at)])
+        return np.asarray(~above.any(axis=0) & (air == self.true.regions[which].solid))
+
+    def _box_load(self, where: str, region: LoadRegion, acts: tuple[Floats, Floats]) -> EdgeLoad:
+        """Return what acts on edges within a box: a force even on all if they are straight."""
+        region.flat_axis(self.asked.lattice, where)
+        box = true_shapes.snapped(np.array(region.box) / self.edge)
+        sides, regions, spread = [], {}, "even"
+        for number, (axis, upper) in enumerate(SIDES.values()):
+            ends = np.full((2, 2), float(upper * self.shape[axis]))
+            ends[:, 1 - axis] = box[:, 1 - axis]
+            self.true.marks.extend(ends)
+            sides += [number] if box[0, axis] <= ends[0, axis] <= box[1, axis] else []
+        for which, one in enumerate(self.true.regions):
+            for line in one.lines:
+                self.true.marks.extend(line.part(box))
+            frames = ArcFrames(one.arcs)
+            on = true_shapes.inside(box, 0.5 * (frames.start + frames.end))
+            if on.any():
+                check_alone(self.true.regions, which, f"{where}: in it an outline", "load", on)
+                regions[which] = one
+                bent = which not in self.rigid and frames.turn[on & self._ends_at(which)].any()
+                spread = "facing" if bent else spread
+        faces = " and faces the force" * bool(acts[0].any())
+        told = f"{where}: no free edge of the body lies in it{faces}"
+        return EdgeLoad(told, *acts, spread, regions, sides, box)
 
     def pushed(self, place: str, force: Floats) -> OutlinedBody:
         """Return the body under nothing but a force on a side, or even on all of an outline."""
-        found = copy(self)
-        found.sides, found.outlines, found.weight = {}, [], np.zeros(2)
+        found, told = copy(self), f"goal: no part of {place!r}"
+        found.weight, acts = np.zeros(2), (force, np.zeros(3))
         if place in SIDES:
             self.check_cusps(place, goal=True)
-            found.sides = {place: np.append(force, np.zeros(4))}
-            return found
-        which = [region.name for region in self.asked.body.regions].index(place)
-        # It presses on what faces it, and pulls at the rest as much.
-        for way in (force, -force):
-            one = LoadedOutline.pushed(place, which, self.true.regions[which], way, self.shape)
-            found.outlines.append(self._away_from_sides(one, f"goal: {place!r}"))
-        wide = sum(1.0 / np.linalg.norm(one.stress) for one in found.outlines if one.stress.any())
-        even = np.outer(force, force) / wide
-        found.outlines = [replace(found.outlines[k], stress=(2 * k - 1) * even) for k in (0, 1)]
+            found.loads = [EdgeLoad(told, *acts, "even", {}, [[*SIDES].index(place)])]
+        else:
+            which = [region.name for region in self.asked.body.regions].index(place)
+            found.loads = [EdgeLoad(told, *acts, "both", {which: self.true.regions[which]})]
         return found
 
-    def bands(self) -> tuple[Floats, Floats]:
-        """Return what the loads' stress stores (twice) between the polygons of loaded outlines.
+    def bands(self, shares: Sequence[float]) -> tuple[Floats, Floats]:
+        """Return what the loads' stresses store (twice) between the polygons of loaded outlines.
 
-        By a unit of area, of each outline, the last of none; and in all, within and beyond the
-        body.
+        By a unit of area, at most, of each outline, the last of none; and in all, within and beyond
+        the body. `shares` are the sums of those of each load.
         """
-        density, softest = np.zeros(len(self.true.regions) + 1), self.true.extreme(False)
-        parts = np.zeros(2)
-        for one in self.outlines:
-            stress, region = one.stress[[0, 1, 0], [0, 1, 1]], self.true.regions[one.region]
-            density[one.region] = stress @ softest.compliance @ stress
+        density, parts, root = np.zeros(len(self.true.regions) + 1), np.zeros(2), []
+        for one, whole in zip(self.loads, shares, strict=True):
+            tensor = one.bent[0] * np.eye(2) + np.outer(one.force, one.force) / whole
+            stress = tensor[[0, 1, 0], [0, 1, 1]]
+            root.append(np.sqrt(stress @ self.true.extreme(False).compliance @ stress))
+        for which, region in enumerate(self.true.regions):
             for line, inward in zip(region.lines, region.inward, strict=True):
-                areas = line.beside(self.shape)
                 # at a hole that bulges outwards the body begins at tangents
-                parts += density[one.region] * areas[:: 1 if region.solid != inward else -1]
+                ahead = 1 if region.solid != inward else -1
+                frames, size = ArcFrames(line.arcs), (len(root), len(line.arcs))
+                chords = np.stack([frames.start, frames.end][::ahead], axis=1)
+                here = np.repeat([[which], [-1]], size[1], axis=1)
+                on = [one.shares(chords, *here) > 0.0 for one in self.loads]
+                # of the sum of two stresses the root is no more than the sum of both
+                stored = (root @ np.array(on).reshape(size)) ** 2
+                parts += (line.beside(self.shape) @ stored)[::ahead]
+                density[which] = max(density[which], stored.max())
         return density, parts
 
     @property
@@ -444,10 +427,16 @@ class OutlinedBody:
             )
 
 
-def check_alone(regions: Sequence[TrueRegion], which: int, what: str, borne: str) -> None:
-    """Refuse what an outline bears where it meets another one."""
+def check_alone(
+    regions: Sequence[TrueRegion], which: int, what: str, borne: str, some: Flags | None = None
+) -> None:
+    """Refuse what an outline, or some of its arcs, bears where they meet another one."""
+    arcs = regions[which].arcs if some is None else regions[which].arcs[some]
     for other, beside in enumerate(regions):
-        if other != which and not keep_apart(regions[which].arcs, beside.arcs):
+        its = beside.arcs
+        if some is not None and not ArcFrames(arcs).turn.any():
+            its = its[ArcFrames(its).turn != 0.0]  # straight lines cross alike in both polygons
+        if other != which and len(its) and not keep_apart(arcs, its):
             raise SceneError(
                 f"{what} meets the outline of regions.{other}; a {borne} needs an outline "
                 "that meets no other: keep them apart, or draw both as one path"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property, reduce
 from itertools import combinations, pairwise
 from math import inf
@@ -54,6 +54,16 @@ def snapped(points: Floats) -> Floats:
     return np.asarray(np.rint(points * GRID) / GRID)
 
 
+def inside(box: Floats, points: Floats, margin: float = CLOSE) -> Flags:
+    """Tell which points lie in a box that is wider by a margin."""
+    return np.asarray(((points >= box[0] - margin) & (points <= box[1] + margin)).all(axis=-1))
+
+
+def on_border(box: Floats, points: Floats) -> Flags:
+    """Tell which points lie on the border of a box."""
+    return inside(box, points) & ~inside(box, points, -CLOSE)
+
+
 def pieces_of(line: Floats, edges: Floats) -> tuple[Ints, Flags]:
     """Return which straight piece of a line each edge is, -1 for none, and which go along it."""
     found, ahead = np.full(len(edges), -1), np.zeros(len(edges), dtype=np.bool_)
@@ -101,23 +111,34 @@ class ClosedLine:
     """
 
     def __init__(self, arcs: Floats, extent: Point):
-        parts = []
-        points = arcs[:, :, :2] / arcs[:, :, 2:]
-        ends = zip(points.min(axis=1), points.max(axis=1), ArcFrames(arcs).turn, strict=True)
-        for arc, (low, high, turn) in zip(arcs, ends, strict=True):
-            # where an arc meets the sides of the array both polygons do so too
-            split = [arc]
-            for axis, side in ((a, s) for a in (0, 1) for s in (0.0, float(extent[a]))):
-                if turn != 0.0 and low[axis] < side < high[axis]:
-                    split = [part for one in split for part in _parted_on(one, axis, side)]
-            parts += split
-        self.arcs = arc_triangles.in_triangles(np.array(parts))
+        self.arcs, self.boxes = arcs, list[Floats]()
+        # where arcs meet the sides of the array both polygons do so too
+        self._part(np.array([[0.0, 0.0], extent]), 0.0)
+        self.arcs = arc_triangles.in_triangles(self.arcs)
         if area_of(ArcFrames(self.arcs).start) < 0.0:
             self.arcs = self.arcs[::-1, ::-1]
 
     def refine(self, leaves: LeafCells) -> None:
         """Halve arcs until none is longer than a share of its leaves."""
         self.arcs = as_fine(self.arcs, leaves, SHARE, straight=False)
+
+    def part(self, box: Floats) -> Floats:
+        """Part its arcs where they run along an axis, and at a box: where both polygons meet."""
+        self.boxes.append(box)
+        for axis in (0, 1):
+            self.arcs = self.parted_along((float(axis), float(1 - axis)))
+        self._part(box, CLOSE)
+        start = ArcFrames(self.arcs).start
+        return snapped(start[on_border(box, start)])
+
+    def _part(self, box: Floats, margin: float) -> None:
+        """Part its arcs at the lines of a box, if they go on by more than a margin."""
+        for axis, level in ((a, level) for a in (0, 1) for level in box[:, a].tolist()):
+            at, parts = self.arcs[..., axis] / self.arcs[..., 2], list[Floats]()
+            through = (at.min(axis=1) < level - margin) & (at.max(axis=1) > level + margin)
+            for arc, cut in zip(self.arcs, through, strict=True):
+                parts += _parted_on(arc, axis, level) if cut else [arc]
+            self.arcs = np.array(parts)
 
     def parted_along(self, direction: Point) -> Floats:
         """Return its arcs, parted where they run along a direction."""
@@ -148,7 +169,7 @@ class ClosedLine:
         return bool((on & (frames.turn != 0.0) & (depth.max(axis=1) > CLOSE)).any())
 
     def beside(self, shape: tuple[int, int]) -> Floats:
-        """Return the areas between itself, within an array, and the inner and outer polygon."""
+        """Return areas between arcs in an array and the inner and outer polygon, (2, n)."""
         frames, many = ArcFrames(self.arcs), 64
         there = ((frames.tip > 0.0) & (frames.tip < shape)).all(axis=1)
         at = flattened(self.arcs, many).reshape(-1, many, 2) - frames.start[:, None]
@@ -158,7 +179,7 @@ class ClosedLine:
         tip = 0.5 * cross(frames.tip - frames.start, frames.end - frames.start) - chord
         left = frames.turn > 0.0
         both = np.where(left, chord, -tip), np.where(left, tip, -chord)
-        return np.array([one[there].sum() for one in both])
+        return np.where(there, both, 0.0)
 
     @property
     def middle(self) -> Floats:
@@ -176,6 +197,8 @@ class ClosedLine:
         bent = (1.0 if outer else -1.0) * frames.turn > 0.0
         on_tangent = smooth & bent & np.roll(bent, 1)
         on_tangent |= smooth & (frames.turn == 0.0) & (np.roll(frames.turn, 1) == 0.0)
+        for box in self.boxes:
+            on_tangent &= ~on_border(box, frames.start)
         at = np.stack([frames.start, frames.tip], axis=1)
         kept = np.stack([~on_tangent, bent], axis=1)
         corners = snapped(at[kept])
@@ -244,16 +267,9 @@ class TrueRegion:
         ]
 
     def crossing(self, axis: int, level: float) -> Iterator[tuple[Floats, Floats]]:
-        """Yield where its outline meets a line across an axis, and a way along it from there."""
-        frames = ArcFrames(self.arcs)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            chord = frames.end - frames.start
-            share = (level - frames.start[:, axis]) / chord[:, axis]
-            through = frames.start + share[:, None] * chord
-        # Curved arcs end where they meet sides of the array.
-        inner = (frames.turn == 0.0) & (share > 0.0) & (share < 1.0)
-        points = [frames.start, frames.end, through[inner], through[inner]]
-        ways = [frames.first, -frames.last, frames.first[inner], -frames.first[inner]]
+        """Yield where its outline meets a side across an axis, and a way along it from there."""
+        frames = ArcFrames(self.arcs)  # arcs end where they meet sides of the array
+        points, ways = [frames.start, frames.end], [frames.first, -frames.last]
         for at, way in zip(np.concatenate(points), np.concatenate(ways), strict=True):
             if abs(at[axis] - level) < CLOSE:
                 yield np.round(at, 9) + 0.0, way
@@ -297,6 +313,7 @@ class TrueBody:
 
     law: Law
     regions: tuple[TrueRegion, ...]
+    marks: list[Floats] = field(default_factory=list)  # points that are corners of triangles
 
     def __post_init__(self) -> None:
         lines = [line for region in self.regions for line in region.lines]

@@ -200,7 +200,7 @@ class LoadRegion(_Shaped):
 
     A box without thickness along one axis selects the surface of the body on that plane. Of
     all other shapes a pressure, or a couple, takes the free faces whose middles lie inside, such
-    as the edge of a hole; a force takes the cells inside.
+    as the edge of a hole; a force takes the cells inside. Of true outlines a box takes the edges.
     """
 
     def flat_axis(self, lattice: Lattice, where: str) -> int | None:

@@ -447,7 +447,7 @@ def _parts(resolved: ResolvedBody, framed: NDArray[np.int16]) -> Parts:
 
 def check_outlines(scene: Description, body: ResolvedBody) -> None:
     """Refuse what contradicts true outlines, or is not proved with them."""
-    names: list[str] = []
+    names = [region.name or "" for region in scene.body.regions]
     for number, region in enumerate(scene.body.regions):
         where = f"body.regions.{number}"
         if region.outline != "true":
@@ -455,9 +455,8 @@ def check_outlines(scene: Description, body: ResolvedBody) -> None:
                 f"{where}.outline: all regions of a body have true outlines or none; give it "
                 'outline = "true", or leave it out everywhere'
             )
-        if region.name in names:
+        if region.name and region.name in names[:number]:
             raise SceneError(f"{where}.name: {region.name!r} is another region's name")
-        names += [region.name] if region.name is not None else []
     for number, load in enumerate(scene.loads):
         where = f"loads.{number}"
         if load.outline is not None and load.outline not in names:
@@ -501,8 +500,10 @@ def _unproved(scene: Description, body: ResolvedBody) -> Iterator[tuple[object, 
         yield moved and scene.loads, f"{where}: leave the loads out"
     for number, load in enumerate(scene.loads):
         uneven = [key for key in ("couple", "pressure_slope") if solid or not load.side]
-        for key in ("cell", "point", "region", *uneven):
-            told = "load a side or an outline by a force or a pressure"
+        boxed = load.region is not None and load.region.box is not None and not solid
+        for key in ("cell", "point", *([] if boxed else ["region"]), *uneven):
+            told = "load a side (in the plane also an outline, or region = { box = ... } round the "
+            told += "place) by a force or a pressure"
             yield getattr(load, key) is not None, f"loads.{number}.{key}: {told}"
         yield solid and load.outline is not None, f"loads.{number}.outline: load a side"
         yield load.steps != 1, f"loads.{number}.steps: leave it out"

@@ -54,12 +54,8 @@ def test_polygons_of_a_file_fill_the_body(answer, tmp_path, ending) -> None:
     np.testing.assert_allclose(np.array(moved)[far], told, atol=1e-6 * largest)
 
 
-@pytest.fixture(scope="module")
-def finer() -> kaju.ElasticResult:
-    return kaju.solve(plate(), tolerance=0.05)
-
-
-def test_answers_within_one_outline_are_compared_in_the_body(answer, finer, tmp_path) -> None:
+def test_answers_within_one_outline_are_compared_in_the_body(answer, tmp_path) -> None:
+    finer = kaju.solve(plate(), tolerance=0.05)
     told = kaju.compare(kaju.load_result(answer.save(tmp_path / "plate.npz")), finer)
     away = np.hypot(*(told.points - 0.1).T)
     assert away.min() > 0.031

@@ -16,11 +16,6 @@ import kaju
 
 E, NU, THICKNESS = 206e9, 0.3, 0.01
 STEEL = {"youngs_modulus": E, "poissons_ratio": NU}
-CORNERS = {
-    "left bottom": ((0.0, 0.0), ("left", "bottom")),
-    "right bottom": ((1.0, 0.0), ("right", "bottom")),
-    "right top": ((1.0, 1.0), ("right", "top")),
-}
 
 
 def disk(x: float, y: float, radius: float, material: str, name: str | None = None) -> dict:
@@ -29,18 +24,14 @@ def disk(x: float, y: float, radius: float, material: str, name: str | None = No
     return region | {"outline": "true"} | ({"name": name} if name else {})
 
 
-def ring(
-    inner: float, outer: float, *, cells: int = 8, corner: str = "left bottom", **body: Any
-) -> kaju.Scene:
+def ring(inner: float, outer: float, **body: Any) -> kaju.Scene:
     """Return a quarter of a ring under inner pressure; its box is 0.21 m wide."""
-    (x, y), held = CORNERS[corner]
-    centre = (0.21 * x, 0.21 * y)
-    regions = [disk(*centre, outer, "steel", "rim"), disk(*centre, inner, "air", "bore")]
-    size = {"size": [0.21, 0.21], "cells": [cells, cells], "thickness": THICKNESS}
+    regions = [disk(0.0, 0.0, outer, "steel", "rim"), disk(0.0, 0.0, inner, "air", "bore")]
+    size = {"size": [0.21, 0.21], "cells": [8, 8], "thickness": THICKNESS}
     return kaju.Scene(
         body=size | {"material": "air", "regions": regions} | body,
         materials={"steel": STEEL},
-        sides=dict.fromkeys(held, "roller"),
+        sides={"left": "roller", "bottom": "roller"},
         loads=[{"outline": "bore", "pressure": 1e6}],
     )
 
@@ -337,12 +328,20 @@ def test_what_is_not_proved_is_refused_by_name(change: dict[str, Any], key: str)
 PRESSED = plate(loads=[{"outline": "hole", "pressure": 1.0}])
 NEAR = {"disk": {"centre": [0.025, 0.025], "radius": 0.01}, "outline": "true"}
 PIN = {"disk": {"centre": [0.07, 0.07], "radius": 0.01}, "outline": "true", "name": "pin"}
-BOX = {"box": [[0.0, 0.02], [0.1, 0.05]], "material": "steel", "outline": "true", "name": "box"}
-BOX = {"size": [0.1, 0.1], "cells": [4, 4], "material": "air", "regions": [BOX]}
 DOT = {"disk": {"centre": [0.07, 0.07], "radius": 0.004}, "outline": "true"}
 ON_PIN = {"loads": [{"outline": "pin", "pressure": 1.0}]}
 # The wave's lowest point, (0.06, 0.03), lies on the bottom of the hole, but for rounding.
 WAVE = {"path": "M.03.04Q.04.06.05.04T.07.04V.03H.03Z", "outline": "true"}
+EITHER = {"pressure": 1.0}, {"force": [1.0, 0.5]}
+RIM = disk(0.05, 0.05, 0.1, "steel", "rim")
+RIM = plate().replace(
+    body={"size": [0.1, 0.1], "cells": [4, 4], "material": "air", "regions": [RIM]}
+)
+
+
+def boxed(left: float, bottom: float, right: float, top: float, **load: Any) -> dict[str, Any]:
+    """Return a load on the edges within a box."""
+    return {"region": {"box": [[left, bottom], [right, top]]}} | load
 
 
 @pytest.mark.parametrize(
@@ -358,10 +357,11 @@ WAVE = {"path": "M.03.04Q.04.06.05.04T.07.04V.03H.03Z", "outline": "true"}
         (plate().with_region("rigid", **PIN).replace(**ON_PIN), "'pin' holds"),
         (plate().replace(sides={}).with_region("pinned", **PIN), "could turn"),
         (ring(0.1, 0.2).with_region("rigid", **NEAR), "holds nothing"),
-        *(
-            (plate().replace(body=BOX, loads=[{"outline": "box"} | load]), f"the side {side}")
-            for load, side in (({"force": [1.0, 0.0]}, "left"), ({"force": [-1.0, 0]}, "right"))
-        ),
+        *((RIM.replace(loads=[{"outline": "rim"} | what]), r"^loads\.0\.") for what in EITHER),
+        (plate(loads=[boxed(0.04, 0.02, 0.09, 0.05, pressure=1.0)]), "no free edge"),
+        (plate(loads=[boxed(0.0, 0.01, 0.05, 0.05, force=[-1.0, 0.0])]), "faces the force"),
+        (plate(loads=[boxed(0.0, 0.02, 0.04, 0.01, pressure=1.0)]), "lower one"),
+        (PRESSED.with_region(**NEAR).replace(loads=[boxed(0, 0, 0.1, 0.1, pressure=1.0)]), "meets"),
     ],
 )
 def test_what_has_no_answer_is_refused(scene: kaju.Scene, told: str) -> None:
@@ -397,13 +397,31 @@ def test_where_agents_run_out_the_best_is_kept(monkeypatch, goal, left) -> None:
     assert best.energy_bounds[0] < best.strain_energy < best.energy_bounds[1]
 
 
-@pytest.mark.parametrize("what", [{"pressure": 1.0}, {"force": [1.0, 0.0]}])
-def test_an_outline_beyond_the_array_takes_no_load(what: dict[str, Any]) -> None:
-    rim = disk(0.05, 0.05, 0.1, "steel", "rim")
-    body = {"size": [0.1, 0.1], "cells": [4, 4], "material": "air", "regions": [rim]}
-    loads = [{"outline": "rim"} | what, {"side": "right", "force": [1.0, 0.0]}]
-    with pytest.raises(kaju.KajuError, match=r"^loads\.0\."):
-        kaju.solve(plate().replace(loads=loads, body=body), tolerance=0.3)
+BAR = {"box": [[-0.01, 0.0], [0.1, 0.05]], "material": "steel", "name": "bar"}
+
+
+@pytest.mark.parametrize("what", EITHER)
+def test_a_box_loads_what_lies_in_it(what: dict[str, Any]) -> None:
+    body = {"size": [0.1, 0.1], "cells": [10, 10], "material": "air"}
+    scene = plate().replace(body=body | {"regions": [BAR]}, sides={"left": "rigid"})
+    true = scene.replace(body=body | {"regions": [BAR | {"outline": "true"}]})
+    part = boxed(0.0313, 0.05, 0.0577, 0.05, **what)
+    bounds = [kaju.solve(one.replace(loads=[part]), 0.03).energy_bounds for one in (scene, true)]
+    assert max(low for low, _ in bounds) < min(high for _, high in bounds)
+    places = {"side": "right"} | what, boxed(0.1, 0.0, 0.1, 0.2, **what)
+    whole = [kaju.solve(true.replace(loads=[at]), 0.1).energy_bounds for at in places]
+    assert whole[0] == pytest.approx(whole[1], rel=1e-9)
+
+
+def test_half_of_a_hole_is_pressed() -> None:
+    half, bounds = plate(loads=[boxed(0.02, 0.05, 0.08, 0.08, pressure=1e6)]), []
+    for cells, tolerance in ((4, 0.1), (5, 0.05), (7, 0.02)):
+        body = {"size": [0.1, 0.1], "cells": [cells] * 2, "material": "steel", "regions": [HOLE]}
+        answer = kaju.solve(half.replace(body=body, sides={"left": "rigid"}), tolerance)
+        assert answer.reactions["left"] == pytest.approx([0.0, -4e4], abs=1e-3)
+        assert answer.couples["left"] == pytest.approx(-0.05 * 4e4)
+        bounds.append(answer.energy_bounds)
+    assert max(low for low, _ in bounds) < min(high for _, high in bounds)
 
 
 @pytest.mark.parametrize("ratio", [0.4999, 0.499999, 0.4999999962])

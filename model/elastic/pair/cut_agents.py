@@ -172,7 +172,8 @@ class CutAgents(PairAgents):
                 f"{loose} part{'s' * (loose > 1)} of the body without support and without load; "
                 "if a support was meant, give it"
             )
-        loaded = [load.outline for load in self.ground.asked.loads]
+        regions = self.ground.asked.body.regions
+        loaded = [regions[k].name for one in self.ground.loads for k in one.regions]
         for name, every in self.along.items():
             along, sought = every.counted(), asked is not None and asked.at == name
             if not every.counts.all() and not sought:

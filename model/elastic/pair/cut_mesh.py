@@ -10,7 +10,7 @@ import numpy as np
 from kaju.arrays import Flags, Floats, Ints
 from kaju.model.outline.leaf_triangles import Filled, named
 from kaju.model.outline.posed_outlines import SIDES, OutlinedBody, UnlikeError
-from kaju.model.outline.true_shapes import TINY, pieces_of
+from kaju.model.outline.true_shapes import pieces_of
 
 from .leaves import joined
 from .sheets import Rim
@@ -211,6 +211,7 @@ class Border:
     side: Ints  # number of the array's side, -1 on an outline
     outline: Ints  # region whose outline it lies on, -1 for none
     pivot: Floats  # what a pinned outline turns about, NaN for others, shape (n, 2)
+    shares: list[float]  # of edges in each load that is spread over some, in all
 
     @property
     def run(self) -> Floats:
@@ -236,36 +237,39 @@ class Border:
         at = mesh.place[ends]
         run = at[:, 1] - at[:, 0]
         length = np.hypot(*run.T)
-        traction, tilt = np.zeros((2, len(edge), 2))
+        given, tilted = np.zeros((2, len(edge), 2))
         held = np.zeros((len(edge), 2), dtype=np.bool_)
-        side = np.full(len(edge), -1)
+        side, outline = np.full((2, len(edge)), -1)
         for number, (name, (axis, upper)) in enumerate(SIDES.items()):
             on = (at[:, :, axis] == (body.shape[axis] if upper else 0.0)).all(axis=1)
             side[on] = number
             held[np.ix_(on, body.held.get(name, ()))] = True
-            if name in body.sides:
-                if not on.any():
-                    reach = ", ".join(f"{x:.3g}" for x in body.edge * at.max(axis=(0, 1)))
-                    told = f"loads: there is no body at the side {name} to be loaded: it ends at"
-                    raise UnlikeError(f"{told} ({reach}) m")
-                force, own, (slope, couple) = np.split(body.sides[name], [2, 4])
-                traction[on] = own + force / length[on].sum()
-                pull = _bent(at[on, :, 1 - axis], length[on], couple) * (1 if axis else -1)
-                pull += slope * at[on, :, 1 - axis]
-                traction[on, axis] += pull.mean(axis=1)
-                tilt[on, axis] = 0.5 * (pull[:, 1] - pull[:, 0])
-        outline = _outline_of(at, side < 0, along)
+            for region, line in enumerate(along):  # outlines may run along sides, too
+                its = line[(line[..., axis] == body.shape[axis] * upper).all(axis=1), :, 1 - axis]
+                (low, high), middle = np.sort(its, axis=1).T, at[on, :, 1 - axis].mean(axis=1)
+                within = (low < middle[:, None]) & (middle[:, None] < high)
+                outline[on] = np.where(within.any(axis=1), region, outline[on])
+        rest = np.flatnonzero(side < 0)
+        outline[rest] = _outline_of(at[rest], along)
         held[np.isin(outline, [*body.rigid])] = True
-        outward = np.stack([run[:, 1], -run[:, 0]], axis=1) / length[:, None]
-        for one in body.outlines:
-            on = outline == one.region
-            if one.facing is not None:
-                on &= outward @ one.facing < -TINY
-            traction[on] = outward[on] @ one.stress
-        traction[held] = tilt[held] = 0.0
-        given, tilted = traction * length[:, None], tilt * length[:, None]
-        pivot = body.pivots[outline]
-        return cls(owner, side_of, edge, ends, at, given, tilted, held, side, outline, pivot)
+        outward, shares = np.stack([run[:, 1], -run[:, 0]], axis=1), []
+        for one in body.loads:
+            share = np.where(held.any(axis=1), 0.0, one.shares(at, outline, side))
+            if not share.any():
+                reach = ", ".join(f"{x:.3g}" for x in body.edge * at.max(axis=(0, 1)))
+                raise UnlikeError(f"{one.told}; the body ends at ({reach}) m")
+            on, (pressure, slope, couple) = share > 0.0, one.bent
+            shares.append(float(share.sum()))
+            given += share[:, None] / shares[-1] * one.force
+            given[on] -= pressure * outward[on]
+            if slope or couple:
+                axis, upper = divmod(one.sides[0], 2)
+                pull = _bent(at[on, :, 1 - axis], length[on], couple) * (1 if axis else -1)
+                pull += (1 - 2 * upper) * slope * at[on, :, 1 - axis]
+                given[on, axis] += length[on] * pull.mean(axis=1)
+                tilted[on, axis] += length[on] * 0.5 * (pull[:, 1] - pull[:, 0])
+        known = given, tilted, held, side, outline, body.pivots[outline], shares
+        return cls(owner, side_of, edge, ends, at, *known)
 
     def rim(self, mesh: CutMesh, weight: Floats) -> Rim:
         """Return how φ and its slopes grow along the border."""
@@ -297,13 +301,13 @@ def _bent(at: Floats, length: Floats, couple: float) -> Floats:
     return np.asarray(couple / inertia * (at - middle[:, None] + off[:, None]))
 
 
-def _outline_of(at: Floats, inner: Flags, along: list[Floats]) -> Ints:
+def _outline_of(at: Floats, along: list[Floats]) -> Ints:
     """Return the region on whose outline edges lie, by the straight pieces of each; -1 for none."""
     outline = np.full(len(at), -1)
     for region, line in enumerate(along):
-        outline[inner & (pieces_of(line, at)[0] >= 0)] = region
+        outline[pieces_of(line, at)[0] >= 0] = region
     # Others are halves of these, or stand for slivers left out: the nearest line is theirs.
-    rest = np.flatnonzero(inner & (outline < 0))
+    rest = np.flatnonzero(outline < 0)
     middle, least = at[rest].mean(axis=1), np.full(len(rest), np.inf)
     for region, line in enumerate(along):
         run, away = line[:, 1] - line[:, 0], middle[:, None] - line[:, 0]

@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 
 from kaju.arrays import Flags, Floats, Ints, rigid_motions
-from kaju.errors import SupportError
+from kaju.errors import SceneError, SupportError
 from kaju.model.elastic.free_motion import free_motion
 from kaju.model.outline.leaf_triangles import leaf_triangles
 from kaju.model.outline.posed_outlines import SIDES, OutlinedBody, UnlikeError
@@ -69,6 +69,8 @@ class CutPair:
                 raise UnlikeError(body.asked.nothing_left)
             edges.append(Border.of(meshes[-1], body, along))
         self.borders = edges[0], edges[1]
+        if not any(one.any() for one in (edges[1].given, edges[1].tilted, body.weight)):
+            raise SceneError("loads: there are none, or they cancel: no energy to bound; give one")
         (laws, others), self.along = (one[0] for one in bodies), bodies[1][2]
         self.laws = laws, others
         n, size = len(leaves), np.asarray(leaves.size * UNIT, dtype=np.float64)
@@ -89,7 +91,7 @@ class CutPair:
         self.leaves = replace(leaves, kind=part[:, :-1].argmax(axis=1))
         fitted, balanced = self.fitting.energies(n), self.balancing.energies(n)
         between = np.maximum(self.area[0] - self.area[1], 0.0)
-        stored, (within, beyond) = body.bands()
+        stored, (within, beyond) = body.bands(edges[1].shares)
         # what only one of both bodies has may be loaded along any outline
         density = np.where(self.area[1] > 0.0, 0.0, stored.max())
         for border, mesh in zip(edges, meshes, strict=True):

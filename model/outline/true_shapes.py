@@ -120,7 +120,16 @@ class ClosedLine:
 
     def refine(self, leaves: LeafCells) -> None:
         """Halve arcs until none is longer than a share of its leaves."""
-        self.arcs = as_fine(self.arcs, leaves, SHARE, straight=False)
+        while True:
+            frames = ArcFrames(self.arcs)
+            size = np.full(len(self.arcs), np.inf)
+            for points in (frames.start, frames.tip, frames.end):
+                leaf = leaf_at(leaves, points)
+                size = np.minimum(size, np.where(leaf >= 0, leaves.size[leaf] * UNIT, np.inf))
+            long = (frames.turn != 0.0) & (frames.length > SHARE * size)
+            if not long.any():
+                return
+            self.arcs = halved(self.arcs, long)
 
     def part(self, box: Floats) -> Floats:
         """Part its arcs where they run along an axis, and at a box: where both polygons meet."""
@@ -203,20 +212,6 @@ class ClosedLine:
         kept = np.stack([~on_tangent, bent], axis=1)
         corners = snapped(at[kept])
         return np.asarray(corners[(corners != np.roll(corners, 1, axis=0)).any(axis=1)])
-
-
-def as_fine(arcs: Floats, leaves: LeafCells, share: float = 1.0, straight: bool = True) -> Floats:
-    """Halve arcs until none is longer than a share of its leaves; also straight ones, or not."""
-    while True:
-        frames = ArcFrames(arcs)
-        size = np.full(len(arcs), np.inf)
-        for points in (frames.start, frames.tip, frames.end):
-            leaf = leaf_at(leaves, points)
-            size = np.minimum(size, np.where(leaf >= 0, leaves.size[leaf] * UNIT, np.inf))
-        long = ((frames.turn != 0.0) | straight) & (frames.length > share * size)
-        if not long.any():
-            return arcs
-        arcs = halved(arcs, long)
 
 
 def _parted_on(arc: Floats, axis: int, side: float) -> list[Floats]:

@@ -85,12 +85,12 @@ class Sheets:
         self.place = place[self.base]
         self.jump = 3 * self.points + edges
         self.runs = self.jump + 3 * len(self.cuts)
-        self._close(around)
         # Where free runs begin: a loop does with one, if it has any.
         self.opens = self.linear[0] & ~np.append(False, self.linear[0, :-1])
         self.opens[self.begins] = self.linear[0, self.begins]
         self.one = self.runs + int(self.opens.sum())
         self.size = self.one + 1
+        self._close(around)
 
     def _around(self) -> Floats:
         """Return what phi and its slopes grow by round loops along which they are all known."""
@@ -150,7 +150,7 @@ class Sheets:
         self.beyond = np.concatenate([np.zeros((self.vertices, len(self.cuts)), int), jumped])
 
     def _close(self, around: Floats) -> None:
-        """Find what is known of the jumps of cuts."""
+        """Find what is known of the jumps of cuts, and which follow from others."""
         # How often the sheet has changed before each edge: within an edge both ends are seen on
         # one, which may be another one along the next edge.
         seen = self.beyond[self.corner[self.rim.owner[:, None], self.rim.ends]]
@@ -167,7 +167,11 @@ class Sheets:
         times = np.concatenate([often[loop], np.eye(len(self.cuts))[pin]])
         table = (times[:, :, None] * terms[:, None]).reshape(len(times), self.runs - self.jump)
         table = np.column_stack([table, np.append(-around[loop, k], 0.0 * pin)])
-        self.others, rest = eliminated(table, np.abs(self.ends).max())
+        lead, table, rest = eliminated(table, np.abs(self.ends).max())
+        row, column = np.nonzero(table[:, :-1])
+        lead, one = self.jump + lead, np.full(len(lead), self.one)
+        self.shut: Entries = [(lead, one, table[:, -1])]
+        self.shut.append((lead[row], self.jump + column, -table[row, column]))
         rest = np.append(rest, around[~often.any(axis=1)])
         self.unbalanced = float(np.abs(rest).max(initial=0.0)) / self.forces
         """Share of all forces by which those on a part of the body do not balance."""
@@ -181,7 +185,7 @@ class Sheets:
         copies = np.arange(self.vertices, self.points)
         follow: Entries = [(3 * copies + k, 3 * self.base[copies] + k, 1.0) for k in range(3)]
         follow += self.jumps(copies, self.beyond[copies]) + more
-        way, follows = followed(follow + self._border(fixed) + self._shut(fixed), size)
+        way, follows = followed(follow + self._border(fixed) + self.shut, size)
         # A linear function has no stress: one vanishes in every part, at the first vertex of its
         # border, or at those that this one follows.
         first = 3 * self.start[np.unique(self.part, return_index=True)[1]]
@@ -232,17 +236,9 @@ class Sheets:
         some = np.flatnonzero(value)
         return [(row[some], np.full(len(some), self.one), value[some])]
 
-    def _shut(self, fixed: Flags) -> Entries:
-        """Say what forces and couples of cuts are known, or follow from those of others."""
-        lead, table = self.others
-        fixed[self.jump + lead] = True
-        row, column = np.nonzero(table[:, :-1])
-        entries = self._as_known(self.jump + lead, table[:, -1])
-        return [*entries, (self.jump + lead[row], self.jump + column, -table[row, column])]
 
-
-def eliminated(table: Floats, reach: float) -> tuple[tuple[Ints, Floats], Floats]:
-    """Return which unknowns follow from others by linear equations, and how; and what must be 0.
+def eliminated(table: Floats, reach: float) -> tuple[Ints, Floats, Floats]:
+    """Return which unknowns follow from others by linear equations, how, and what must be 0.
 
     The last column has the right-hand sides. Every first of three unknowns is rather one that
     follows than those beside it, which count as far as places may reach.
@@ -255,4 +251,4 @@ def eliminated(table: Floats, reach: float) -> tuple[tuple[Ints, Floats], Floats
         table[row] /= table[row, column]
         table -= table[:, [column]] * (np.arange(len(table)) != row)[:, None] * table[row]
     table[np.arange(len(table)), lead] *= lead < 0
-    return (lead[lead >= 0], table[lead >= 0]), table[lead < 0, -1]
+    return lead[lead >= 0], table[lead >= 0], table[lead < 0, -1]

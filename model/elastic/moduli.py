@@ -65,7 +65,9 @@ def strain_of(stress: Floats, moduli: Moduli, kinds: Ints | slice) -> Floats:
     )
 
 
-def equivalent_stress(stress: Floats, moduli: Moduli, kinds: Ints, plane: str | None) -> Floats:
+def equivalent_stress(
+    stress: Floats, moduli: Moduli, kinds: Ints | slice, plane: str | None
+) -> Floats:
     """Return the equivalent stress of von Mises, in plane strain with what acts across."""
     trace, across = np.trace(stress, axis1=-2, axis2=-1), 0.0
     if plane == "strain":

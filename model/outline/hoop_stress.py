@@ -9,6 +9,7 @@ import numpy as np
 
 from kaju.arrays import Flags, Floats, Ints
 from kaju.model.elastic.goals.quantities import HOOP
+from kaju.model.elastic.moduli import Moduli, equivalent_stress
 from kaju.model.elastic.pair.gap import tensors
 from kaju.model.elastic.pair.leaves import LeafCells
 
@@ -83,11 +84,9 @@ class HoopStress:
         stretch = 0.0 * tension if held else np.einsum(turned, d, strain, d)
         k, g = np.array(pair.laws[1]).reshape(-1, 2)[law].T
         moved = (4.0 * k * g * stretch + (k - g) * tension) / (k + g)
-        across = (
-            0.5 * (1.0 - g / k) * (moved + tension) if pair.body.asked.plane == "strain" else 0.0
-        )
-        squares = (moved - tension) ** 2 + (tension - across) ** 2 + (across - moved) ** 2
-        equivalent = np.sqrt(0.5 * squares + 3.0 * np.einsum(turned, d, stress, n) ** 2)
+        local = tensors(np.stack([moved, tension, np.einsum(turned, d, stress, n)], axis=1))
+        plane, own_law = pair.body.asked.plane, Moduli(k + g, k - g, g)
+        equivalent = equivalent_stress(local, own_law, slice(None), plane)
         balanced = np.einsum(turned, d, stress, d)
         values = np.column_stack([middle, balanced, moved, equivalent])
         order = np.argsort(way)

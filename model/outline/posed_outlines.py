@@ -230,8 +230,7 @@ class OutlinedBody:
         box = true_shapes.snapped(np.array(region.box) / self.edge)
         sides, regions, spread = [], {}, "even"
         for number, (axis, upper) in enumerate(SIDES.values()):
-            ends = np.full((2, 2), float(upper * self.shape[axis]))
-            ends[:, 1 - axis] = box[:, 1 - axis]
+            ends = np.where(np.arange(2) == axis, float(upper * self.shape[axis]), box)
             self.true.marks.extend(ends)
             sides += [number] if box[0, axis] <= ends[0, axis] <= box[1, axis] else []
         for which, one in enumerate(self.true.regions):

@@ -172,8 +172,15 @@ class CutAgents(PairAgents):
                 f"{loose} part{'s' * (loose > 1)} of the body without support and without load; "
                 "if a support was meant, give it"
             )
-        regions = self.ground.asked.body.regions
+        regions, border = self.ground.asked.body.regions, self.border
         loaded = [regions[k].name for one in self.ground.loads for k in one.regions]
+        for number, one in enumerate(self.ground.loads):
+            on = one.shares(border.at, border.outline, border.side) > 0.0
+            least = 1e-9 * np.linalg.norm(border.run[on]) * np.linalg.norm(one.force)
+            boxed = one.spread == "even" and np.isfinite(one.box).all()
+            if boxed and np.abs(border.run[on] @ one.force).max() > least:
+                where = "where it ends on a flat edge, stress grows without limit"
+                notes.append(f"loads.{number} drags the surface: {where}")
         for name, every in self.along.items():
             along, sought = every.counted(), asked is not None and asked.at == name
             if not every.counts.all() and not sought:

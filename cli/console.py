@@ -39,8 +39,7 @@ MEANINGS = {
     "compliance_J": "work of the loads: the lower, the stiffer the body",
     "couple_Nm": "of the support on the body, about its middle; in the plane > 0 turns left",
     "energy_bounds": "the true energy lies between them",
-    "error_bound": "a share, in the energy norm; the true error is not larger",
-    "error_bound of goals": "of the whole body, in the energy norm: not of the tolerance",
+    "error_bound": "of the whole body, in the energy norm; the true error is not larger",
     "error_estimate": "a share, in the energy norm: 0.05 is 5 %",
     "free_boundary_agents": "in the air, which hands loads back as they came",
     "generations": "rounds in which agents acted; if they spawned, pages call the first one 0",
@@ -58,12 +57,10 @@ MEANINGS = {
     "rigid_boundary_agents": "in the ground, which hands loads back reversed",
     "set_free_at_jumps_J": "by loads that are put on or taken off at once",
     "spectral_radius": "times as much load a generation, if loads that meet were added",
-    "tolerance": "a share, in the energy norm",
-    "tolerance of goals": "of the goal",
-    "tolerance_kept": "in the energy norm, not of the stresses above",
-    "tolerance_kept of goals": "of the goal",
+    "tolerance": "of the goal, if there is one; else of the error bound",
+    "tolerance_kept": "of the goal or the energy norm, not of the stresses above",
 }
-"""What key figures mean, if their names do not say it; some mean another thing beside goals."""
+"""What key figures mean, if their names do not say it."""
 
 NAMES = {
     "spectral_radius": "growth_if_added_up",
@@ -105,14 +102,12 @@ class Console:
 
 def _rows(summary: Mapping[str, Any]) -> Iterator[tuple[str, str, str]]:
     """Yield key figures as people read them, with what they mean, if they are known."""
-    of = " of goals" * ("goals" in summary)
     for key, value in summary.items():
         # Of a goal its own error counts, and of an answer with a bound the bound.
         other = "goals" in summary or value == summary.get("error_bound")
         if key in SAID or value is None or (key == "error_estimate" and other):
             continue
-        name, unit, meaning = NAMES.get(key, key), UNITS.get(key, ""), MEANINGS.get(key + of)
-        meaning = meaning or MEANINGS.get(key, "")
+        name, unit, meaning = NAMES.get(key, key), UNITS.get(key, ""), MEANINGS.get(key, "")
         stem, _, ending = name.rpartition("_")
         if stem and ending in ("N", "Nm", "m", "J", "s", "Pa"):
             name, unit = stem, ending
@@ -125,11 +120,10 @@ def _rows(summary: Mapping[str, Any]) -> Iterator[tuple[str, str, str]]:
         elif isinstance(value, list) and value and isinstance(value[0], Mapping):
             for number, entry in enumerate(value, start=1):
                 told = {k.removesuffix("_m"): v for k, v in entry.items() if v is not None}
-                units = dict.fromkeys(told, told.pop("unit", "")) | {
-                    "relative_error": "",
-                    "at": "m",
-                }
-                parts = [f"{k} {text_of(v, units[k], named=True)}" for k, v in told.items()]
+                own, units = told.pop("unit", ""), {"at": "m", "relative_error": ""}
+                parts = [
+                    f"{k} {text_of(v, units.get(k, own), named=True)}" for k, v in told.items()
+                ]
                 if isinstance(entry.get("value"), list):
                     parts.append("errors are of the vector, relative to its length")
                 yield f"{name} {number}", ", ".join(parts), ""

@@ -249,9 +249,8 @@ def stress_text(result: ElasticResult) -> str:
     if name and peaks[name] > 0.95 * found.value:
         return f"{asked}largest stress {quantity(peaks[name], 'Pa')} along {name!r}"
     at = ", ".join(quantity(x, "m") for x in found.at)
-    words = f"{asked}largest von Mises {quantity(found.value, 'Pa')} at ({at})"
-    away = f", a cell away from stress without limit: {found.no_limit}"
-    return words + away * bool(found.no_limit)
+    away = ", a cell away from places without limit" * found.no_limit
+    return f"{asked}largest von Mises {quantity(found.value, 'Pa')} at ({at}){away}"
 
 
 def plot_cells_deformed(

@@ -111,9 +111,6 @@ def plot_map(
     colour_bar(picture.ax, drawn, label, shown.unit, extend)
     extreme = float(shown.values[first_largest(np.abs(shown.values))])
     notes = [f"largest value {quantity(extreme, shown.unit)}; " + "; ".join(picture.notes)]
-    if result.kind.startswith("elastic") and what in ("strain", "stress", "von_mises"):
-        reason = elastic.largest_stress.no_limit
-        notes += [f"the largest stress has no limit: {reason}"] if reason else []
     return picture.finish(shown.title, notes)
 
 

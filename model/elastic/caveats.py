@@ -16,12 +16,11 @@ from kaju.arrays import Floats, first_largest
 from kaju.errors import SingularPlaceError
 from kaju.model.elastic.goals.quantities import Quantity, Stress
 from kaju.model.elastic.pair.answer import PairAgents
-from kaju.model.results.mesh import corner_order
 from kaju.model.scene import Scene
 from kaju.model.scene.shapes import Box
 from kaju.model.scene.surfaces import ClosedSurface
 
-from .corners import ON_EDGE, RE_ENTRANT, reasons_in, singular_at
+from .corners import ON_EDGE, reasons_in, singular_at
 
 if TYPE_CHECKING:
     from .elastic_result import ElasticResult
@@ -63,20 +62,6 @@ def is_stepped(grid: Scene) -> bool:
     return max(slants, default=0.0) > ON_EDGE * lattice.cell_size
 
 
-def no_limit(result: ElasticResult, agent: int) -> str:
-    """Return why stress in an agent's cell has no limit; empty if it has, or it is unknown."""
-    cell = result.grid.lattice.cell_size
-    lower = cell * np.floor(result.middle[agent] / cell)
-    if result.scene.outlined:  # in space nobody looks
-        away = result.sharp_corners - lower
-        near = ((away >= 0.0) & (away <= cell)).all(axis=1)
-        return "a sharp corner, or the end of a support" if near.any() else ""
-    ends = lower + cell * corner_order(len(lower))
-    reason = next(filter(None, (singular_at(result.grid, end) for end in ends)), "")
-    either = "a step of an outline that is not along the axes, or a re-entrant corner"
-    return either if reason == RE_ENTRANT and is_stepped(result.grid) else reason
-
-
 def caveats_of(result: ElasticResult) -> tuple[str, ...]:
     """Return what is approximate of an answer: in a few words, for pictures, a colon, and why."""
     return (*_of_error(result), *_of_loads(result.grid), *_of_bolts(result), *_of_outlines(result))
@@ -109,9 +94,7 @@ def _of_error(result: ElasticResult) -> Iterator[str]:
     found, error = result.found, result.error_estimate
     if isinstance(found, PairAgents) and result.tolerance_kept == "missed":
         why, agent = found.stopped, first_largest(result.gap)
-        reason = no_limit(result, agent)
         hint = f"; most of it lies at {_point(result.place_in(agent))} m"
-        hint += f": {reason}" if reason else ""
         if result.goals:  # whose errors lie elsewhere
             hint = "; start from other cells" if why == "stalled" else ""
         if why in ("corners", "stalled", "depth") and found.ground.resolution is not None:

@@ -23,7 +23,6 @@ from kaju.model.scene.cell_types import AIR, DISPLACED, FOUNDATION, RIGID, ROLLE
 
 MOST_CELLS = 1_000_000  # Larger arrays of several kinds are not looked through
 ON_EDGE = 1e-6  # Of a cell: a point that is nearer to a line of the cells lies on it
-RE_ENTRANT = "a re-entrant corner"
 ROUND = np.array([[-1, -1], [0, -1], [0, 0], [-1, 0]])
 """The four cells round a point of the plane, each beside the next."""
 
@@ -127,7 +126,7 @@ def _reason(around: tuple[int, ...]) -> str:
         if len(wedge) == 1 and sides == {AIR, RIGID}:
             return "a support ends"
         if len(wedge) == 1 and quarters == 3:
-            return RE_ENTRANT
+            return "a re-entrant corner"
         if len(wedge) == 1 and quarters == 2 and len(sides) == 2:  # one of them a roller
             return "a roller ends"
     return ""

@@ -13,7 +13,7 @@ from kaju import __version__
 from kaju.arrays import Flags, Floats, Ints, first_largest, nearest
 from kaju.errors import KajuError, ParameterError, ResultError, suggestion
 from kaju.model.elastic.arguments import check_numbers
-from kaju.model.elastic.caveats import caveats_of, no_limit, refuse_singular, unproved
+from kaju.model.elastic.caveats import caveats_of, refuse_singular, unproved
 from kaju.model.elastic.corners import sharp_corners
 from kaju.model.elastic.equal.cell_agents import CellAgents
 from kaju.model.elastic.equal.equal_arrays import EqualArrays
@@ -61,13 +61,12 @@ class LargestStress(NamedTuple):
     """The largest equivalent (von Mises) stress of an answer, at a corner of an agent.
 
     All stresses of the agent reach it, for one alone is wild at the corners of thin parts. Corners
-    less than a cell away from where stress has no limit are left out; if all are, it is the largest
-    mean over an agent.
+    less than a cell away from where stress has no limit are left out, unless all are.
     """
 
     value: float  # Pa
     at: tuple[float, ...]  # m
-    no_limit: str  # Why means over agents grow without limit as these shrink; empty if not known
+    no_limit: bool  # Whether stress has no limit somewhere else
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -357,13 +356,11 @@ class ElasticResult(BodyResult):
     @cached_property
     def largest_stress(self) -> LargestStress:
         """Largest equivalent stress at a corner of an agent, where it is, and if it has a limit."""
-        # of agents with hardly any body the mean tells little
-        mean = self.von_mises * (self.area > 0.01 * self.size**2)
         cut, h, d = self.cut_agents, self.grid.lattice.cell_size, self.scene.lattice.dimension
         if cut is not None:
             own, points, told = cut.at_corners()
         else:
-            own = np.repeat(np.argsort(-mean, kind="stable")[:MOST_LOOKED_AT], 2**d)
+            own = np.repeat(np.argsort(-self.von_mises, kind="stable")[:MOST_LOOKED_AT], 2**d)
             ends = np.tile(corner_order(d), (len(own) // 2**d, 1))
             points = self.lower[own] + self.size[own, None] * ends
             inside = points + 1e-6 * (self.middle[own] - points)
@@ -371,11 +368,11 @@ class ElasticResult(BodyResult):
         law, plane = self.found.law[own], self.scene.plane
         reached = [equivalent_stress(one, self.found.moduli, law, plane) for one in told]
         value = self.found.scales.stress * np.min(reached, axis=0)
-        if len(sharp := sharp_corners(self.grid) if cut is None else self.sharp_corners):
-            value *= nearest(sharp, points)[0] > 0.999 * self.scene.lattice.cell_size
-        agent, at = first_largest(mean), first_largest(value)
-        found, place = (value[at], points[at]) if value[at] else (mean[agent], self.place_in(agent))
-        return LargestStress(float(found), tuple(place.tolist()), no_limit(self, agent))
+        if some := len(sharp := sharp_corners(self.grid) if cut is None else self.sharp_corners):
+            away = nearest(sharp, points)[0] > 0.999 * self.scene.lattice.cell_size
+            value *= away | ~away.any()
+        at = first_largest(value)
+        return LargestStress(float(value[at]), tuple(points[at].tolist()), bool(some))
 
     def place_in(self, agent: int) -> Floats:
         """Return the middle (m) of an agent; of one that an outline cuts, a point of the body."""
@@ -543,7 +540,6 @@ class ElasticResult(BodyResult):
             "max_displacement": self.max_displacement,
             "largest_stress_Pa": found.value,
             "largest_stress_at_m": list(found.at),
-            "largest_stress_has_no_limit": found.no_limit or None,
             "largest_hoop_stress_Pa": {name: one for name, (one, _) in along} or None,
             "largest_hoop_stress_at_m": {name: at for name, (_, at) in along} or None,
             "reaction": {name: force.tolist() for name, force in told.items()},

@@ -67,7 +67,7 @@ export class MotionPage extends Page {
   /** How the run ended, in the reader's language where it has these words: numbers fill the gaps of a sentence. */
   certify() {
     const said = (text) => { const gaps = []; return this.t(`told_${text.replace(AMOUNT, (number) => `{${gaps.push(local(number)) - 1}}`)}`, { ...gaps, otherwise: text.replace(AMOUNT, local) }); };
-    this.tellVerdict(this.outcome.split(/(; |,[^,;]* without limit: | along )/).map(said).join(""), null);
+    this.tellVerdict(this.outcome.split(/(; |, without limit: | along )/).map(said).join(""), null);
   }
   /** Round times of a run in seconds with the frame of each, at most so many. */
   seconds(most) {

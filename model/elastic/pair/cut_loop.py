@@ -243,7 +243,7 @@ class _Peak:
             if not often.any():
                 raise ParameterError(f"goal: no part of the body ends along {self._asked.at!r}")
             return self._aimed(np.zeros(len(pair.leaves)), often)
-        values = getattr(along, self._asked.component)
+        values = getattr(along, kind := self._asked.component)
         at = int(np.abs(values).argmax())
         self._value, self._place = float(values[at]), tuple(along.place[at].tolist())
         # The error of a small peak is relative to a hundredth of the largest stress.
@@ -251,9 +251,7 @@ class _Peak:
         # where it was within the tolerance, the last agents spawned for something else
         kept = self._off if self._error <= self._tolerance else 0.0
         # the error is a third of what changed: squares of edges are a fourth
-        self._off = max(
-            1.0 / 3.0 * abs(self._value - before), along.apart(at, self._asked.component), kept
-        )
+        self._off = max(1.0 / 3.0 * abs(self._value - before), along.apart(at, kind), kept)
         self._error = self._off / largest
         size = pair.leaves.size * UNIT
         # elsewhere it may be as large, as all round a pressed bore
@@ -265,7 +263,6 @@ class _Peak:
 
     def _aimed(self, part: Floats, often: Ints) -> Judged:
         scale = self._off / self._error if np.isfinite(self._error) and self._error else 1.0
-        found = (self._value,), self._off, scale, self._no_bound, self._place
-        goal = Goal(self._asked, *found)
+        goal = Goal(self._asked, (self._value,), self._off, scale, self._no_bound, self._place)
         # A generation aims at a quarter of the peak's error.
         return Judged((goal,), self._error, part, False, AIM**2 * 0.25, often)

@@ -272,25 +272,30 @@ def test_a_pressed_disk_on_a_rigid_shaft_is_lames(tolerance: float) -> None:
     assert answer.outline_stress("shaft")[1] == pytest.approx(-edge[1], rel=0.01)
 
 
-@pytest.mark.parametrize("count", [2, 3])
-def test_the_bounds_of_pinned_parts_nest_and_no_pin_bears_a_couple(count: int) -> None:
-    rng = np.random.default_rng(count)
-    at = np.array([[0.03, 0.03], [0.1, 0.06], [0.16, 0.04]])[:count]
-    at += rng.uniform(-0.008, 0.008, at.shape)
+def test_the_bounds_of_pinned_parts_nest_and_no_pin_bears_a_couple() -> None:
     corners = 0.01 * np.array([[1.0, 0.0], [-0.3, 0.9], [-0.7, -0.9]])  # their middle is (0, 0)
-    pins = [
-        {"polygon": (middle + corners).tolist(), "name": str(middle), "outline": "true"}
-        | {"material": "pinned"}
-        for middle in at
-    ]
+    middles = {"a": (0.031, 0.027), "b": (0.102, 0.065), "c": (0.158, 0.041)}
+    pin = {"material": "pinned", "outline": "true"}
+    pins = [pin | {"polygon": (corners + at).tolist(), "name": n} for n, at in middles.items()]
     body = {"size": [0.2, 0.1], "cells": [8, 4], "material": "steel", "regions": pins}
     scene = kaju.Scene(body=body, loads=[{"side": "right", "force": [300.0, 800.0]}])
     rough, fine = (kaju.solve(scene, tolerance) for tolerance in (0.1, 0.03))
     assert rough.energy_bounds[0] < fine.energy_bounds[0]
     assert fine.energy_bounds[1] < rough.energy_bounds[1]
-    borne = np.array([fine.reactions[str(middle)] for middle in at])
-    moment = (at[:, 0] * borne[:, 1] - at[:, 1] * borne[:, 0]).sum()
+    borne = [(*middles[name], *force) for name, force in fine.reactions.items()]
+    moment = sum(x * up - y * right for x, y, right, up in borne)
     assert moment + 0.2 * 800.0 - 0.05 * 300.0 == pytest.approx(0.0, abs=1e-4)
+
+
+def test_a_part_within_a_hole_of_another_loads_it_by_nothing() -> None:
+    rings = [(0.07, "air", "hole"), (0.05, "steel", "rim"), (0.02, "rigid", "shaft")]
+    regions = [disk(0.1, 0.1, *of) for of in rings]
+    body = {"size": [0.2, 0.2], "cells": [8, 8], "material": "steel", "regions": regions}
+    loads = [{"side": "right", "force": [1.0, 0.0]}, {"outline": "rim", "force": [10.0, 5.0]}]
+    answer = kaju.solve(kaju.Scene(body=body, sides={"left": "rigid"}, loads=loads), 0.1)
+    assert answer.tolerance_kept == "proved"
+    assert answer.reactions["left"] == pytest.approx([-1.0, 0.0], abs=1e-6)
+    assert answer.reactions["shaft"] == pytest.approx([-10.0, -5.0])
 
 
 HOLE = disk(0.05, 0.05, 0.02, "air", "hole")

@@ -251,6 +251,9 @@ def test_holes_hold_what_is_round_them(material: str) -> None:
     arm = 0.04 * answer.reactions["bolt 0.07"][1] + 0.17 * 200.0 + 30.0  # about the first bolt
     assert arm + sum(answer.couples.values()) == pytest.approx(0.0, abs=1e-6)
     assert answer.material_at([[0.03, 0.05], [0.05, 0.05]]).tolist() == [-1, 0]
+    edge = answer.displacement_at([[0.02, 0.05], [0.04, 0.05]]) / answer.max_displacement
+    assert np.abs(edge.sum(axis=0)).max() < 5e-4  # about the first bolt's middle, if it turns
+    assert (np.abs(edge).max() > 0.01) == (material == "pinned")
 
 
 @pytest.mark.parametrize("tolerance", [0.2, 0.02])

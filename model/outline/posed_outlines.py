@@ -59,14 +59,28 @@ class EdgeLoad:
 
     def shares(self, at: Floats, outline: Ints, side: Ints) -> Floats:
         """Return the shares of straight pieces, (n, 2, 2), which have the body on their left."""
-        run = at[:, 1] - at[:, 0]
+        run, middle = at[:, 1] - at[:, 0], at.mean(axis=1)
         there = np.isin(outline, [*self.regions]) | np.isin(side, self.sides)
-        there &= true_shapes.inside(self.box, at.mean(axis=1))
+        there &= true_shapes.inside(self.box, middle)
+        for leg in self._legs():
+            there &= ~true_shapes.inside(leg, middle)
         share, towards = np.hypot(*run.T), cross(self.force, run)
         if self.force.any() and self.spread != "even":
             faces = towards < -TINY * share * np.hypot(*self.force)
             share = np.where(faces, -towards, np.abs(towards) * (self.spread == "both"))
         return np.where(there, share, 0.0)
+
+    def _legs(self) -> Floats:
+        """Return tangents along a line of the box, as boxes, of arcs that go away beyond it."""
+        if not self.regions or not np.isfinite(self.box).all():
+            return np.empty((0, 2, 2))
+        frames = ArcFrames(np.concatenate([region.arcs for region in self.regions.values()]))
+        within = true_shapes.inside(self.box, 0.5 * (frames.start + frames.end), 0.0)
+        both = [frames.start, frames.tip], [frames.tip, frames.end]
+        beyond = (frames.turn != 0.0) & ~within
+        legs = np.concatenate([np.stack(ends, axis=1)[beyond] for ends in both])
+        on = true_shapes.on_border(self.box, legs).all(axis=1)
+        return np.sort(legs[on & (np.ptp(legs, axis=1).min(axis=1) < CLOSE)], axis=1)
 
 
 class UnlikeError(Exception):

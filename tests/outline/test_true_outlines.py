@@ -424,13 +424,15 @@ def test_a_box_loads_what_lies_in_it(what: dict[str, Any]) -> None:
     assert whole[0] == pytest.approx(whole[1], rel=1e-9)
 
 
-def test_half_of_a_hole_is_pressed() -> None:
-    half, bounds = plate(loads=[boxed(0.02, 0.05, 0.08, 0.08, pressure=1e6)]), []
+# Half of the hole, and part of the top with a box that touches the hole from above.
+@pytest.mark.parametrize(("low", "high", "borne"), [(0.05, 0.08, -4e4), (0.07, 0.1, 6e4)])
+def test_part_of_an_edge_is_pressed(low: float, high: float, borne: float) -> None:
+    scene, bounds = plate(loads=[boxed(0.02, low, 0.08, high, pressure=1e6)]), []
     for cells, tolerance in ((4, 0.1), (5, 0.05), (7, 0.02)):
         body = {"size": [0.1, 0.1], "cells": [cells] * 2, "material": "steel", "regions": [HOLE]}
-        answer = kaju.solve(half.replace(body=body, sides={"left": "rigid"}), tolerance)
-        assert answer.reactions["left"] == pytest.approx([0.0, -4e4], abs=1e-3)
-        assert answer.couples["left"] == pytest.approx(-0.05 * 4e4)
+        answer = kaju.solve(scene.replace(body=body, sides={"left": "rigid"}), tolerance)
+        assert answer.reactions["left"] == pytest.approx([0.0, borne], abs=1e-3)
+        assert answer.couples["left"] == pytest.approx(0.05 * borne)
         bounds.append(answer.energy_bounds)
     assert max(low for low, _ in bounds) < min(high for _, high in bounds)
 

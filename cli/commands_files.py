@@ -14,7 +14,7 @@ from kaju.errors import ParameterError
 from kaju.files import atomic_file
 
 from .console import Console
-from .options import Force, Json, SceneFile, Settings, refuse_to_replace, scene_of, worked_plate
+from .options import Force, Json, SceneFile, Settings, refuse_to_replace, scene_of, worked
 
 if TYPE_CHECKING:
     from kaju.model.scene import Scene
@@ -97,13 +97,15 @@ def materials() -> None:
 
 def new(
     scene: Annotated[Path, typer.Argument(metavar="SCENE", help="The file to write.")],
+    bracket: Annotated[bool, typer.Option("--bracket", help="A part, for kaju solve.")] = False,
     force: Force = False,
 ) -> None:
-    """Write a commented scene to start from."""
+    """Write a commented scene to start from: a plate for agents to act in, or a bracket."""
+    name, verb = ("bracket", "solve") if bracket else ("plate", "run")
     refuse_to_replace(scene, force)
     with atomic_file(scene, ParameterError) as scratch:
-        scratch.write_text(worked_plate().replace("plate.toml", scene.name), encoding="utf-8")
-    typer.echo(f"{scene}: edit it, then: kaju run {scene}")
+        scratch.write_text(worked(name).replace(f"{name}.toml", scene.name), encoding="utf-8")
+    typer.echo(f"{scene}: edit it, then: kaju {verb} {scene}")
 
 
 def animate(

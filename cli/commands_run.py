@@ -107,7 +107,7 @@ def demo(
     from kaju.model.transfer.load_transfer import LoadTransfer
 
     console, place = Console(as_json, quiet), Folder(out or Path("kaju-demo"), force)
-    plate = Scene.from_toml(options.worked_plate()).with_overrides({"loads.0.steps": 1})
+    plate = Scene.from_toml(options.worked("plate")).with_overrides({"loads.0.steps": 1})
     result = LoadTransfer(plate).reset().run()
     if as_json:
         console.figures(result.summary())

@@ -125,9 +125,9 @@ def best_of(stop: KeyboardInterrupt, kind: type[Any]) -> Any:
     return best
 
 
-def worked_plate() -> str:
-    """Return the scene of the worked example, as text."""
-    return files("kaju").joinpath("plate.toml").read_text(encoding="utf-8")
+def worked(name: str) -> str:
+    """Return the scene of a worked example, plate or bracket, as text."""
+    return files("kaju").joinpath(f"{name}.toml").read_text(encoding="utf-8")
 
 
 def refuse_to_replace(path: Path, force: bool) -> None:

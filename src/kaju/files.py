@@ -51,8 +51,7 @@ def text_of_file(
             if len(data) > most:
                 raise error(f"{path}: cannot be read: it has more than {most:,} bytes")
             return data.decode("utf-8-sig")  # without the mark that some editors put first
-        file = file_to_read(path, error, most=most, key=key)
-        return file.read_text(encoding="utf-8-sig")
+        return file_to_read(path, error, most=most, key=key).read_text(encoding="utf-8-sig")
     except UnicodeDecodeError:
         raise error(f"{key}{': ' if key else ''}{path}: is not a text{hint}") from None
     except KajuError:

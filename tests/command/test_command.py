@@ -22,8 +22,7 @@ def names(folder):
 
 def test_run_writes_summary_and_result(kaju):
     code, out, _ = kaju("run", PLATE, "--out", "here", "--no-pictures")
-    assert code == 0
-    assert "at rest after 8 generations" in out
+    assert (code, "at rest after 8 generations" in out) == (0, True)
     assert "max displacement             6.409 nm" in out
     assert "load taken                   12.88 N" in out
     assert names("here") == ["result.npz", "summary.json"]
@@ -48,8 +47,7 @@ def test_results_are_not_overwritten_unless_forced(kaju):
     Path("here/notes.txt").write_text("mine")
     before = Path("here/summary.json").read_bytes()
     code, _, err = kaju("run", PLATE, "--out", "here", "--no-pictures")
-    assert code == 2
-    assert err.startswith("error: here: is not empty")
+    assert (code, err.startswith("error: here: is not empty")) == (2, True)
     assert Path("here/summary.json").read_bytes() == before
     assert kaju("run", PLATE, "--out", "here", "--no-pictures", "--force")[0] == 0
     assert Path("here/notes.txt").read_text() == "mine"
@@ -97,9 +95,10 @@ def test_the_commands_work_in_their_order(kaju):
 def test_new_writes_a_scene_that_runs(kaju):
     assert kaju("new", "mine.toml")[0] == 0
     assert load_scene("mine.toml") == load_scene(PLATE)
+    assert "kaju solve part.toml" in kaju("new", "part.toml", "--bracket")[1]
+    assert "\nno mistake was found" in kaju("check", "part.toml")[1]
     code, _, err = kaju("new", "mine.toml")
-    assert code == 2
-    assert "exists already" in err
+    assert (code, "exists already" in err) == (2, True)
     far = ["check", str(EXAMPLES / "lug.toml"), "--set", "loads[0].force=[1e12, 0.0]"]
     assert "a note asks a question" in kaju(*far)[1].splitlines()[-1]
     assert kaju("check", "mine.toml", "--set", "rule.accumulate=true")[0] == 1  # loads grow

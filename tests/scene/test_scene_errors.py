@@ -255,11 +255,12 @@ def test_millimetres_and_gigapascals_are_asked_about():
     for at, idle in ((apart, True), (disk, False)):  # a part of steel where steel is, or in a hole
         notes = wrong.with_region(disk=disk).with_region(disk=at, material="steel").notes
         assert any("material below it" in note for note in notes) == idle
-    twice = wrong.with_region(disk=disk).with_region(
-        disk=disk | {"radius": 20.0, "centre": [60, 24]}
-    )
+    over = disk | {"radius": 20.0, "centre": [60, 24]}
+    twice = wrong.with_region(disk=disk).with_region(disk=over)
     assert any("regions.0' and 'body.regions.1' overlap" in note for note in twice.notes)
     assert "nothing is applied" in wrong.replace(loads=()).notes[0]
+    thick = [wrong.with_overrides({"body.thickness": t}).notes for t in (599.0, 600.0)]
+    assert ["m are much for a plate of 120 m" in str(notes) for notes in thick] == [False, True]
     for wide, told in ((10.0, True), (9.9, False)):  # only small bodies are of foam
         foam = {"body.size": [wide, wide], "materials.steel.youngs_modulus": 4e5}
         assert any("is soft" in note for note in wrong.with_overrides(foam).notes) == told

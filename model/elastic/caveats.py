@@ -20,7 +20,7 @@ from kaju.model.scene import Scene
 from kaju.model.scene.shapes import Box
 from kaju.model.scene.surfaces import ClosedSurface
 
-from .corners import ON_EDGE, reasons_in, singular_at
+from .corners import ON_EDGE, sharp_places, singular_at
 
 if TYPE_CHECKING:
     from .elastic_result import ElasticResult
@@ -94,7 +94,7 @@ def _of_error(result: ElasticResult) -> Iterator[str]:
     found, error = result.found, result.error_estimate
     if isinstance(found, PairAgents) and result.tolerance_kept == "missed":
         why, agent = found.stopped, first_largest(result.gap)
-        hint = f"; most of it lies at {_point(result.place_in(agent))} m"
+        hint = f"; most of it lies at {_point(result.middle[agent])} m"
         if result.goals:  # whose errors lie elsewhere
             hint = "; start from other cells" if why == "stalled" else ""
         if why in ("corners", "stalled", "depth") and found.ground.resolution is not None:
@@ -165,7 +165,8 @@ def _of_outlines(result: ElasticResult) -> Iterator[str]:
         yield f"no limit of stress at {many} {at}: it grows with smaller cells at {places} m{more}"
     if stepped or solid:
         # of a stepped body only what is no step: where supports and rollers end
-        reasons = [one for one in reasons_in(grid) if not stepped or one.endswith(" ends")]
+        every = sorted(set(sharp_places(grid)[1]))
+        reasons = [one for one in every if not stepped or one.endswith(" ends")]
         if reasons:
             at = f"{'along edges' if solid else 'at points'} ({'; '.join(reasons)})"
             yield f"no limit of stress {at}: it grows there with smaller cells"

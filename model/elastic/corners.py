@@ -27,23 +27,19 @@ ROUND = np.array([[-1, -1], [0, -1], [0, 0], [-1, 0]])
 """The four cells round a point of the plane, each beside the next."""
 
 
-def sharp_corners(scene: Scene) -> Floats:
-    """Return the points (m) at which stresses grow without limit; in space middles of edges."""
+def sharp_places(scene: Scene) -> tuple[Floats, list[str]]:
+    """Return where (m) stresses grow without limit, and why: points, in space middles of edges."""
     lattice, d = scene.lattice, scene.lattice.dimension
-    found = [np.empty((0, d))]
+    found, why = [np.empty((0, d))], []
     for across, (reasons, which) in zip(combinations(range(d), 2), _patterns(scene), strict=False):
-        sharp = np.array([bool(reason) for reason in reasons])[which]
         step, first = np.array(lattice.shape if scene.uniform else [1] * d), np.zeros(d)
         for axis in set(range(d)).difference(across):
-            sharp = np.repeat(sharp, step[axis], axis)
+            which = np.repeat(which, step[axis], axis)
             step[axis], first[axis] = 1, 0.5
+        sharp = np.array([bool(reason) for reason in reasons])[which]
         found.append(first + step * np.argwhere(sharp))
-    return np.asarray(lattice.cell_size * np.concatenate(found))
-
-
-def reasons_in(scene: Scene) -> list[str]:
-    """Return why stresses have no limit somewhere: at points of the plane, along edges in space."""
-    return sorted({reason for reasons, _ in _patterns(scene) for reason in reasons} - {""})
+        why += [reasons[number] for number in which[sharp]]
+    return np.asarray(lattice.cell_size * np.concatenate(found)), why
 
 
 def _patterns(scene: Scene) -> Iterator[tuple[list[str], Ints]]:
@@ -77,25 +73,13 @@ def _beside(kinds: Ints, steps: dict[int, int]) -> Ints:
 
 def singular_at(scene: Scene, point: Floats) -> str:
     """Return why stresses have no limit at a point (m); empty if they have, or it is unknown."""
-    lattice = scene.lattice
-    place = np.asarray(point, dtype=np.float64) / lattice.cell_size
-    on_line = np.abs(place - np.rint(place)) <= ON_EDGE
-    corner = np.where(on_line, np.rint(place), np.floor(place)).astype(np.int64)
-    last = np.asarray(lattice.shape)
-    for across in map(list, combinations(range(lattice.dimension), 2)):
-        if not on_line[across].all():
-            continue
-        # At a corner of the cells an edge goes on to both sides.
-        along = [axis for axis in range(lattice.dimension) if axis not in across]
-        for step in (0, -1) if on_line[along].any() else (0,):
-            cells = np.repeat(corner[None], 4, axis=0)
-            cells[:, across] += ROUND
-            cells[:, along] += step
-            # Those farther than one beyond the array are as the nearest.
-            if reason := _reason(_sides(scene, scene.kinds(np.clip(cells, -1, last)))):
-                return reason
+    (places, reasons), h = sharp_places(scene), scene.lattice.cell_size
+    # an edge reaches half a cell to either side of its middle
+    reach = h * (ON_EDGE + 0.5 * (np.rint(2.0 * places / h) % 2))
+    for number in np.flatnonzero((np.abs(places - point) <= reach).all(axis=1)):
+        return reasons[number]
     points = [load.point for load in scene.loads if load.point is not None]
-    if any(np.abs(point - np.array(at)).max() < lattice.cell_size for at in points):
+    if any(np.abs(point - np.array(at)).max() < h for at in points):
         return "a force acts at a point, and is spread over a cell"
     return ""
 

@@ -14,7 +14,7 @@ from kaju.arrays import Flags, Floats, Ints, first_largest, nearest
 from kaju.errors import KajuError, ParameterError, ResultError, suggestion
 from kaju.model.elastic.arguments import check_numbers
 from kaju.model.elastic.caveats import caveats_of, refuse_singular, unproved
-from kaju.model.elastic.corners import sharp_corners
+from kaju.model.elastic.corners import sharp_places
 from kaju.model.elastic.equal.cell_agents import CellAgents
 from kaju.model.elastic.equal.equal_arrays import EqualArrays
 from kaju.model.elastic.goals.duals import goal_of
@@ -368,17 +368,11 @@ class ElasticResult(BodyResult):
         law, plane = self.found.law[own], self.scene.plane
         reached = [equivalent_stress(one, self.found.moduli, law, plane) for one in told]
         value = self.found.scales.stress * np.min(reached, axis=0)
-        if some := len(sharp := sharp_corners(self.grid) if cut is None else self.sharp_corners):
+        if some := len(sharp := sharp_places(self.grid)[0] if cut is None else self.sharp_corners):
             away = nearest(sharp, points)[0] > 0.999 * self.scene.lattice.cell_size
             value *= away | ~away.any()
         at = first_largest(value)
         return LargestStress(float(value[at]), tuple(points[at].tolist()), bool(some))
-
-    def place_in(self, agent: int) -> Floats:
-        """Return the middle (m) of an agent; of one that an outline cuts, a point of the body."""
-        if isinstance(self.found, CutAgents):
-            return self.found.place_in(agent)
-        return np.asarray(self.middle[agent])
 
     @cached_property
     def sharp_corners(self) -> Floats:
@@ -386,7 +380,7 @@ class ElasticResult(BodyResult):
         if self.scene.lattice.dimension == 3:
             return np.empty((0, 3))
         cut = self.cut_agents
-        return sharp_corners(self.grid) if cut is None else cut.ground.without_limit
+        return sharp_places(self.grid)[0] if cut is None else cut.ground.without_limit
 
     def holds(self, points: Floats) -> Flags:
         """Tell which points (m), shape (n, dimension), lie in the body or on its surface."""

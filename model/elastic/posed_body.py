@@ -11,7 +11,7 @@ import numpy as np
 
 from kaju.arrays import Flags, Floats, Ints
 from kaju.errors import SceneError
-from kaju.model.elastic.corners import ROUND, sharp_corners
+from kaju.model.elastic.corners import ROUND, sharp_places
 from kaju.model.elastic.moduli import constants_of, scene_moduli
 from kaju.model.elastic.pair.leaves import BITS, LeafCells, morton
 from kaju.model.elastic.scales import Scales
@@ -70,7 +70,7 @@ class PosedBody:
         """The unit cells round points at which stress is singular; none in space."""
         if self.dimension == 3:
             return np.empty((0, 3), dtype=np.int64)
-        corner = np.rint(sharp_corners(self.scene) / self.scene.lattice.cell_size)
+        corner = np.rint(sharp_places(self.scene)[0] / self.scene.lattice.cell_size)
         return np.asarray(corner[:, None] * self.cell + ROUND, dtype=np.int64).reshape(-1, 2)
 
     def start(self) -> LeafCells:

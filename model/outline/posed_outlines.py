@@ -14,7 +14,7 @@ import numpy as np
 
 from kaju.arrays import Flags, Floats, Ints
 from kaju.errors import SceneError, SingularPlaceError
-from kaju.model.elastic.corners import sharp_corners
+from kaju.model.elastic.corners import sharp_places
 from kaju.model.elastic.moduli import scene_moduli
 from kaju.model.elastic.pair.leaves import LeafCells
 from kaju.model.elastic.scales import Scales
@@ -378,7 +378,7 @@ class OutlinedBody:
         """Where on sides stress grows without limit: the outlines that end there, and the side."""
         shape, regions = np.array(self.shape), self.true.regions
         # Steps of cells are no corners of the body; corners of the array are.
-        of_cells = sharp_corners(self.scene) / self.edge
+        of_cells = sharp_places(self.scene)[0] / self.edge
         corners = of_cells[np.isclose(of_cells * (of_cells - shape), 0.0).all(axis=1)]
         found: dict[Point, dict[int, str]] = {(x, y): {} for x, y in np.rint(corners).tolist()}
         for (which, region), (side, (axis, upper)) in product(enumerate(regions), SIDES.items()):

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from itertools import combinations, combinations_with_replacement
+from itertools import combinations
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
@@ -274,9 +274,10 @@ class Stressed(DualGoal):
         super().__init__(quantity, body)
         d = self.scene.lattice.dimension
         self._pairs = [(k, k) for k in range(d)] + list(combinations(range(d), 2))
-        two, asked = combinations_with_replacement(range(d), 2), quantity.component
-        known: dict[str, Any] = {f"{'xyz'[a]}{'xyz'[b]}": (a, b) for a, b in two}
-        known["von_mises"] = None
+        known: dict[str, Any] = {
+            quantities.AXES[a] + quantities.AXES[b]: (a, b) for a, b in sorted(self._pairs)
+        }
+        known[quantities.VON_MISES], asked = None, quantity.component
         if not {asked, asked[::-1]} & {*known}:
             raise ParameterError(f"goal: there is no stress {asked!r}; there is {', '.join(known)}")
         self._component = known.get(asked, known.get(asked[::-1]))

@@ -109,16 +109,6 @@ class CutAgents(PairAgents):
         """Tell which points (m) lie in the body or on its outline."""
         return np.asarray(self.material_at(points) >= 0)
 
-    def place_in(self, agent: int) -> Floats:
-        """Return the middle (m) of an agent; if that is in the air, of the nearest of its parts."""
-        pair, edge = self.opinions, self.ground.edge
-        middle = edge * UNIT * self.leaves.middle[agent]
-        meshes = (pair.balancing.mesh, pair.fitting.mesh)
-        parts = [one.place[one.triangle[one.leaf == agent]].mean(axis=1) for one in meshes]
-        near = np.vstack([middle, *(edge * part for part in parts)])
-        near = near[np.argsort(np.linalg.norm(near - middle, axis=1), kind="stable")]
-        return np.asarray(near[self.holds(near).argmax()])
-
     def material_at(self, points: Floats) -> Ints:
         """Return which of the scene's materials is at points (m), -1 outside of the body."""
         points = points_in(points, 2)

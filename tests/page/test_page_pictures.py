@@ -151,7 +151,7 @@ def test_outlines_are_lines_that_the_agents_move():
 
 def test_what_is_rigid_holds_all_round_its_outline():
     bolt = {"disk": {"centre": [0.05, 0.15], "radius": 0.01}, "outline": "true"}
-    lines = motion_data(solve(plate_with_a_hole().with_region("rigid", **bolt), 0.5))[0]["ground"]
+    lines = motion_data(solve(plate_with_a_hole().with_region("pinned", **bolt), 0.5))[0]["ground"]
     round_it = [line for line in lines if line["out"] != [-1.0, 0.0]]
     assert (len(round_it), len(lines)) == (24, 25)  # and the left side
     start, end, out = (np.array([line[k] for line in round_it]) for k in ("from", "to", "out"))

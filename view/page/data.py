@@ -16,7 +16,7 @@ from kaju.arrays import Floats, Ints
 from kaju.errors import ParameterError, SceneError
 from kaju.model.results.result import Curves, Result, solved_scene
 from kaju.model.scene import Scene
-from kaju.model.scene.cell_types import AIR, INSIDE
+from kaju.model.scene.cell_types import AIR, HOLDING
 from kaju.model.scene.curves import flattened
 from kaju.model.scene.lattice import BUILT_IN, area_of
 from kaju.model.scene.selection import BY_SIDE, BY_SURFACE, PULL, PUSH
@@ -318,8 +318,8 @@ def ground_of(asked: Scene, result: Result) -> Iterator[dict[str, Any]]:
     if scene.outlined or lattice.kind != "square" or lattice.size > MOST_CELLS:
         return
     for number, region in enumerate(asked.body.regions if asked.outlined else ()):
-        where = f"body.regions.{number}"
-        lines = region.shape_in(asked.lattice, where).outline() if region.material == INSIDE else ()
+        shape = region.shape_in(asked.lattice, f"body.regions.{number}")
+        lines = shape.outline() if region.material in HOLDING else ()
         for ring in [flattened(arcs, max(1, 24 // len(arcs))) for arcs in lines]:
             way = np.roll(ring, -1, axis=0) - ring
             out = np.sign(area_of(ring)) * np.stack([-way[:, 1], way[:, 0]], axis=1)

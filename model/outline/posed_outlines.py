@@ -118,9 +118,11 @@ class OutlinedBody:
         names = [material.name for material in scene.cell_materials]
         laws = dict.fromkeys(HOLDING, RIGID) | dict(zip(names, self.own_laws, strict=True))
         self.true = _body(scene, self.edge, self.shape, laws)
-        regions = enumerate(self.true.regions)
-        named = [region.name or f"region {k}" for k, region in enumerate(scene.body.regions)]
-        self.rigid = {k: named[k] for k, region in regions if region.law == RIGID}
+        self.rigid = {
+            k: region.name or f"region {k}"
+            for k, region in enumerate(scene.body.regions)
+            if region.material in HOLDING and self.true.regions[k].law == RIGID
+        }
         """Of each rigid region the name of the support that it is."""
         self.pivots = np.full((len(self.true.regions) + 1, 2), np.nan)
         """The middle that each region turns about if it is pinned, else NaN; last for none."""
@@ -141,16 +143,14 @@ class OutlinedBody:
         regions, material = self.true.regions, self.asked.body.regions[which].material
         what = f"body.regions.{which}.material: what is {material}"
         check_alone(regions, which, what, "support")
-        lines = [line.arcs for line in regions[which].lines]
-        at = np.array([arcs[0, 0, :2] / arcs[0, 0, 2] for arcs in lines])
-        below = self._below(which, at)
-        beyond = [one[..., :2] / one[..., 2:] for one in lines]
-        if any((one <= 0.0).any() or (one >= self.shape).any() for one in beyond):
+        at = regions[which].arcs[..., :2] / regions[which].arcs[..., 2:]
+        below, lines = self._below(which, at[:, 0]), len(regions[which].lines)
+        if (at <= 0.0).any() or (at >= self.shape).any():
             told = "reaches the side of the array; hold this by [sides], or draw it smaller"
         elif AIR in below or RIGID in below:
             told = "lies in the air, and holds nothing; let the body surround it"
-        elif len(lines) > 1 and material == PINNED:
-            told = f"has {len(lines)} outlines, which turn alone; give each a region of its own"
+        elif lines > 1 and material == PINNED:
+            told = f"has {lines} outlines, which turn alone; give each a region of its own"
         elif any(regions[which].part_of(later) for later in regions[which + 1 :]):
             told = "lies below or around a later region; give the support last, around nothing"
         else:

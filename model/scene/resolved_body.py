@@ -288,10 +288,8 @@ def _materials(
     found = LIBRARY | dict(described)
     for name, key in keys.items():
         if name == PINNED and not body.outlined:
-            raise SceneError(
-                f"{key}: only regions with true outlines in the plane can be {name}; give all "
-                'regions outline = "true", or take "rigid", which does not turn'
-            )
+            told = 'in the plane a region with outline = "true" can be pinned; give it, or "rigid"'
+            raise SceneError(f"{key}: {told}")
         if name not in found and name not in NOT_BODY:
             names = list(dict.fromkeys([*described, *LIBRARY, *NOT_BODY]))
             bare = name.isascii() and name.isidentifier()  # else TOML quotes keys

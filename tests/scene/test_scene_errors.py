@@ -34,7 +34,7 @@ BODIES = [
     ({"cells": None}, "body.cells: is needed"),
     ({"cells": [10**10, 10**10]}, r"cells are more than can be counted \(2\^62\)"),
     ({"material": None}, 'body.material: is needed, such as "steel"'),
-    ({"regions": [{"box": [[0, 0], [0.1, 0.1]], "material": "pinned"}]}, "true outlines in the pl"),
+    ({"regions": [{"box": [[0, 0], [0.1, 0.1]], "material": "pinned"}]}, "can be pinned; g"),
     ({"regions": [{"box": [[0, 0], [0.1, 0.1]], "material": "bolt"}]}, "did you mean 'pinned'"),
     ({"material": "stele"}, r"body.material: there is no material 'stele' \(did you mean 'steel'"),
     ({"material": "Steel S235"}, r'describe it under \[materials."Steel S235"\]'),

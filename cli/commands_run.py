@@ -82,14 +82,14 @@ def of_a_scene(ending: str) -> Callable[[Callable[..., Result]], Callable[..., N
 
 PRESSED = """\
 A steel plate stands on the ground. A force of 2 N presses on one of its 400 cells, at the top.
-That cell wakes as an agent: it keeps a share of the load, and hands shares to its neighbours, which
+That cell wakes as an agent: the load squeezes it, and it hands loads on to its neighbours, which
 do the same. After {} generations {} cells are awake, and the run ends: all loads that are left are
 10 mN or less, too small to wake a cell.
 """
 WATCH = """\
 Now open this page in a browser: {}
   Press Play to watch the load come in; drag the red arrow by its ring to press elsewhere; click a
-  cell to see what it took, kept and passed on. (These shares are chosen, their forces do not
+  cell to see what it took, and what it hands on. (By this rule, which is chosen, forces do not
   balance: press Elasticity to see how far that is from what the plate really does.)
 The same as a film, whose colours tell when a cell woke: {}
 """

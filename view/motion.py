@@ -346,7 +346,8 @@ def _opinions(result: ElasticResult) -> dict[str, tuple[str, Floats]]:
 
 def _stress_of(result: ElasticResult) -> str:
     """Return the largest stress, and some corners at which it has no limit: steps all have none."""
-    corners = [] if is_stepped(result.grid) else result.sharp_corners.tolist()
+    plane = result.lower.shape[1] == 2 and not is_stepped(result.grid)
+    corners = result.sharp_corners.tolist() if plane else []
     at = [f"({', '.join(quantity(x, 'm') for x in corner)})" for corner in corners[:3]]
     no_limit = f"; stress at corners, without limit: {', '.join(at)}{', …' * (len(corners) > 3)}"
     return stress_text(result) + (no_limit if corners else "")

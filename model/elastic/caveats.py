@@ -159,7 +159,7 @@ def _of_outlines(result: ElasticResult) -> Iterator[str]:
             "round or slanted one described; stress at the steps grows with smaller agents, as at "
             'other re-entrant corners; a region with outline = "true" has no steps'
         )
-    elif many := len(corners):
+    elif many := len(corners) * (not solid):
         at, more = "corners" if many > 1 else "corner", f" and {many - 3} more" * (many > 3)
         places = ", ".join(map(_point, corners[:3].tolist()))
         yield f"no limit of stress at {many} {at}: it grows with smaller cells at {places} m{more}"

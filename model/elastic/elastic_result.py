@@ -368,17 +368,15 @@ class ElasticResult(BodyResult):
         law, plane = self.found.law[own], self.scene.plane
         reached = [equivalent_stress(one, self.found.moduli, law, plane) for one in told]
         value = self.found.scales.stress * np.min(reached, axis=0)
-        if some := len(sharp := sharp_places(self.grid)[0] if cut is None else self.sharp_corners):
-            away = nearest(sharp, points)[0] > 0.999 * self.scene.lattice.cell_size
+        if some := len(self.sharp_corners):
+            away = nearest(self.sharp_corners, points)[0] > 0.999 * self.scene.lattice.cell_size
             value *= away | ~away.any()
         at = first_largest(value)
         return LargestStress(float(value[at]), tuple(points[at].tolist()), bool(some))
 
     @cached_property
     def sharp_corners(self) -> Floats:
-        """Points (m) at which stresses grow without limit under refinement; of plane bodies."""
-        if self.scene.lattice.dimension == 3:
-            return np.empty((0, 3))
+        """Points (m) at which stresses grow without limit; in space middles of edges of cells."""
         cut = self.cut_agents
         return sharp_places(self.grid)[0] if cut is None else cut.ground.without_limit
 
@@ -422,8 +420,8 @@ class ElasticResult(BodyResult):
             if (along := every.counted()).largest is not None:
                 values = getattr(along, component)
                 at = int(np.abs(values).argmax())
-                place = (units.length * along.place[at]).tolist()
-                found[name] = float(units.stress * values[at]), place
+                place = units.length * along.place[at]
+                found[name] = float(units.stress * values[at]), place.tolist()
         return found
 
     @property

@@ -153,7 +153,7 @@ class OnCells:
     def located(self, points: Floats) -> tuple[Floats, Ints]:
         """Return points (m) as an array, and the cell of the body that each lies in or on."""
         points = points_in(points, self.grid.lattice.dimension)
-        cells, inside = body_cells(self.grid, points)
+        cells, inside = self.cells_at(points)
         if not inside.all():
             where = ", ".join(f"{value:g}" for value in points[np.argmin(inside)])
             raise ResultError(f"points: ({where}) m lies outside the body")
@@ -161,7 +161,11 @@ class OnCells:
 
     def holds(self, points: Floats) -> Flags:
         """Tell which points (m), shape (n, dimension), lie in the body."""
-        return body_cells(self.grid, points)[1]
+        return self.cells_at(points)[1]
+
+    def cells_at(self, points: Floats) -> tuple[Ints, Flags]:
+        """Return the cells in or on which points (m) lie, and which points lie in the body."""
+        return body_cells(self.grid, points)
 
     def material_at(self, points: Floats) -> Ints:
         """Return the index of the material at points (m), below 0 outside of the body."""

@@ -196,8 +196,7 @@ class Scene(Description):
         moved |= self.outlined and self.lattice.dimension == 2  # which is refused without a load
         if not (self.loads or moved or any(self.body.gravity or ())):
             found.append(
-                "nothing is applied, so all is 0: the scene has no loads, no gravity and no side "
-                "that is moved; describe [[loads]]"
+                "nothing is applied, so all is 0: give loads, gravity or a side that moves"
             )
         wide = max(self.lattice.extent)
         softest = 5e5 if wide >= 10.0 else 1e3  # Pa: a large body; foams and gels

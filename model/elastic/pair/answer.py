@@ -137,8 +137,7 @@ class PairAgents(OnCells):
 
     def stresses_at(self, points: Floats, cells: Ints) -> tuple[Floats, ...]:
         """Return stress tensors at points (m) in or on cells of the grid, of each opinion."""
-        told: tuple[Floats, ...] = self.opinions.stresses_at(*self.placed(points, cells))
-        return told
+        return tuple(self.opinions.stresses_at(*self.placed(points, cells)))
 
     def law_at(self, points: Floats, cells: Ints) -> Ints:
         """Return the index of the moduli of the agents in or on which points lie."""

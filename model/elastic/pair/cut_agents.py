@@ -10,7 +10,6 @@ from math import ceil, floor, inf
 import numpy as np
 
 from kaju.arrays import Flags, Floats, Ints, nearest, points_in
-from kaju.errors import ResultError
 from kaju.model.elastic.goals.quantities import Deflection, Stress
 from kaju.model.outline.hoop_stress import HoopStress
 from kaju.model.outline.posed_outlines import OutlinedBody
@@ -97,17 +96,9 @@ class CutAgents(PairAgents):
         at = edge * np.concatenate(places)[:, number]
         return cuts_through(number, ends, parts, (at, loads), (far, near))
 
-    def located(self, points: Floats) -> tuple[Floats, Ints]:
-        """Return points (m) as an array, and the agent that each lies in or on; none is outside."""
-        outside, points = ~self.holds(points), np.asarray(points, dtype=np.float64)
-        if outside.any():
-            where = ", ".join(f"{c:g}" for c in points[np.argmax(outside)])
-            raise ResultError(f"points: ({where}) m lies outside the body")
-        return points, self._leaf(points)
-
-    def holds(self, points: Floats) -> Flags:
-        """Tell which points (m) lie in the body or on its outline."""
-        return np.asarray(self.material_at(points) >= 0)
+    def cells_at(self, points: Floats) -> tuple[Ints, Flags]:
+        """Return agents in or on which points (m) lie, and which lie in the body or on its edge."""
+        return self._leaf(points_in(points, 2)), np.asarray(self.material_at(points) >= 0)
 
     def material_at(self, points: Floats) -> Ints:
         """Return which of the scene's materials is at points (m), -1 outside of the body."""

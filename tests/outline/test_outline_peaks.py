@@ -193,7 +193,6 @@ SQUARE = {"box": [[5.0, 5.0], [6.0, 6.0]]}
         ([HOOP, HOOP], plate(region(**DISK)), "one goal at a time, got 2"),
         (HOOP, plate(region(**SQUARE)), r"no limit: this outline has a sharp corner at \(6, 5\)"),
         (HOOP, plate(region("soft", **SQUARE)), "sharp corner"),
-        (HOOP, plate(region("rigid", disk={"centre": [2, 2], "radius": 1})), "'hole' holds"),
         (HOOP, plate(region(**DISK), sides={"left": "rigid"}), "side 'left'.* or give no goal"),
         (HOOP, plate(region(**DISK), region(name="b", box=[[0, -1], [1, 3]])), "meets the outline"),
         (HOOP, plate(RIM, size=7.0, cells=7, sides={"top": "rigid"}), "side 'top'.* no goal"),

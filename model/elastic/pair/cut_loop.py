@@ -47,13 +47,13 @@ def peak_asked(scene: Scene, goal: AskedFor | None) -> Stress | Deflection | Non
         return None
     regions = [one for one in scene.body.regions if one.name]
     holding = [one.name for one in regions if one.material in HOLDING]
-    named = [str(one.name) for one in regions if one.name not in holding]
+    named = [str(one.name) for one in regions]
     moves = [side for side in SIDES if scene.side_condition(side).kind == "free"]
     moves += [str(load.outline) for load in scene.loads if load.outline is not None]
     one = goal[0] if isinstance(goal, list) and len(goal) == 1 else goal
     first, *more = quantities_of(goal)
     if isinstance(one, str) and first == Deflection(one) and (one in named or one not in SIDES):
-        first = Stress(one, HOOP)
+        first = Stress(one, VON_MISES if one in holding else HOOP)
     at, moved = getattr(first, "at", None), isinstance(first, Deflection)
     if isinstance(first, Stress) and first.component not in (HOOP, VON_MISES) and at in named:
         wrong = f"of {at!r} the largest {HOOP!r} or {VON_MISES!r} is known, no {first.component!r}"
@@ -64,8 +64,6 @@ def peak_asked(scene: Scene, goal: AskedFor | None) -> Stress | Deflection | Non
     elif not isinstance(at, str):
         wrong = f"{brief(one)}: within true outlines only an outline or a free side can be one; "
         wrong += "solve without, and read it by answer.value_of (not proved)"
-    elif at in holding:
-        wrong = f"{at!r} holds the part (the stress along it is told without a goal)"
     elif at in SIDES and moved:
         wrong = f"{at} is held, and has no deflection to ask for"
     elif at in named:

@@ -269,6 +269,8 @@ def _cracks(run: Callable[..., Any]) -> Words:
 
     return {
         "at_the_tip": at_the_tip,
+        # of all that are held only one node, below, does not slide
+        "sideways_free": lambda: int(run().network.held[:, 0].sum()) == 1,
         "books": lambda: bool(np.allclose(run().work, run().stored + run().released, rtol=1e-6)),
     }
 

@@ -149,7 +149,10 @@ PAGES: dict[str, dict[str, Run]] = {
 }
 """What is shown, by lesson and page; the nameless page is the lesson's own."""
 EVIDENCE: dict[str, dict[str, Run]] = {
-    "agents-of-many-sizes": {"even": partial(kaju.solve, plate(), resolution=8)},
+    "agents-of-many-sizes": {
+        "even": partial(kaju.solve, plate(), resolution=8),
+        "sixteenth": partial(spawned, plate(), 0.00125),
+    },
     "two-wrong-answers": {"bar": partial(spawned, bar())},
     "a-round-hole": {
         **{f"steps-{n}": partial(holed, 0.01, 0.01, cells=n) for n in (20, 80, 160)},

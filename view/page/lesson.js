@@ -7,7 +7,7 @@ import { Twin } from "./rule.js";
 import { general, local, quantity } from "./words.js";
 
 export const STEPS = ["predict", "step", "explain", "try"];
-const MOST_LETTERS = 2000, SMALL = 4;              // of an answer; so many generations have a small picture
+const MOST_LETTERS = 2000, SMALL = 4, DRAWN = "✎";  // of an answer; so many generations have a small picture; the answer of who drew it
 
 export class Lesson {
   constructor(page, { key, index, intro, opens, curves, minutes, questions, teacher, presets }) {
@@ -37,6 +37,7 @@ export class Lesson {
   get told() { return this.keeps && !this.kept ? "" : this.page.t(this.keeps ? "savedHere" : "notSaved"); }
   forget() { Object.assign(this, { answers: {}, guesses: {}, firsts: {}, done: [], shown: "guess" }); this.keep(); this.open(0); }
   get question() { return this.questions[this.at]; }
+  said(text) { return text === DRAWN ? this.page.t("drawn") : text; }
   of(step) { return this.questions.filter((q) => q.step === step); }
   /** What of a question is still to be filled in or ticked, in its own words. */
   missing(q) {
@@ -269,7 +270,7 @@ function questionCards(lesson, q) {
   const head = make("p", { className: "soft small" }, icon("clock"), t("questionOf", { n: lesson.at + 1, m: lesson.questions.length, t: q.minutes ?? "–" }));
   const list = [head, ...(lesson.intro && q.step === "predict" ? [rendered(say(lesson.intro))] : []), make("h2", { className: "question" }, ...inline(say(q.question)))];
   if (q.note) list.push(rendered(say(q.note)));
-  const [guess] = lesson.questions, said = [lesson.answers[guess.key] ?? []].flat().join(", ");
+  const [guess] = lesson.questions, said = [lesson.said(lesson.answers[guess.key]) ?? []].flat().join(", ");
   if (q.recalls && said) list.push(make("p", { className: "recalled", textContent: t("youGuessed", { x: `${said} ${say(guess.fields?.[0].unit) ?? ""}` }) }));
   if (q.kind === "cells") list.push(...guessCards(lesson, q));
   lesson.saved = make("small", { className: `saved${lesson.keeps ? "" : " bad"}`, role: "status", textContent: lesson.told });
@@ -284,9 +285,9 @@ function questionCards(lesson, q) {
 /** A field for words; `i`: behind so many numbers. */
 function textCard(lesson, q, i) {
   const { page, page: { t } } = lesson, given = lesson.answers[q.key], own = q.kind === "cells" ? t("surprise") : page.say(q.write), label = own || t("yourAnswer");
-  const area = make("textarea", { rows: Math.min(6, q.lines ?? 3), maxLength: MOST_LETTERS, readOnly: lesson.fixed, placeholder: t(mayDraw(q) ? "drawOrSay" : "yourAnswer"), value: (i === undefined ? given : given?.[i]) ?? "", ariaLabel: label });
+  const area = make("textarea", { rows: Math.min(6, q.lines ?? 3), maxLength: MOST_LETTERS, readOnly: lesson.fixed, placeholder: t(mayDraw(q) ? "drawOrSay" : "yourAnswer"), value: lesson.said(i === undefined ? given : given?.[i]) ?? "", ariaLabel: label });
   area.oninput = () => lesson.answer(q, area.value, i);
-  return [...(own ? [make("h3", {}, ...inline(own))] : []), area, ...(mayDraw(q) && !lesson.fixed ? [button(t("drawn"), () => { lesson.answer(q, t("drawn")); page.rebuild(); }, { className: "small" })] : [])];
+  return [...(own ? [make("h3", {}, ...inline(own))] : []), area, ...(mayDraw(q) && !lesson.fixed ? [button(t("drawn"), () => { lesson.answer(q, DRAWN); page.rebuild(); }, { className: "small" })] : [])];
 }
 
 function numberCard(lesson, q, field, i) {
@@ -294,7 +295,7 @@ function numberCard(lesson, q, field, i) {
   const input = make("input", { type: "text", inputMode: "decimal", className: "field", readOnly: lesson.fixed, value: lesson.answers[q.key]?.[i] ?? "", ariaLabel: `${label} ${unit}`.trim() || t("yourAnswer"), autocomplete: "off" });
   const judge = () => {
     const text = input.value.trim(), v = numberIn(text, unit), right = isRight(field, v), digits = text.replace(/^[^=]*=|\D*$/g, "").replace(/^[\s0.,−-]+|\D/g, ""), near = (!q.rounds || digits.length > 1) && Math.abs(v - field.answer) < 0.4 * Math.abs(field.answer) && Math.abs(v - field.answer) <= 0.5000001 * Math.abs(v) / Number(digits);   // rounded well, but too far: to half a step of its last digit
-    verdict.textContent = !text ? "" : Number.isNaN(v) ? t(!/\d/.test(text) ? "noNumber" : asked && /\p{L}/u.test(text) ? "notIn" : "bareNumber", { u: asked }) : q.step === "predict" ? "" : right ? t("correct") : near ? t("moreDigits") : t("lookAgain", { x: page.say(field.look) || label || t("thePicture") }) + (field.tolerance > 0 && !q.rounds ? ` · ${t("within", { e: `${general(field.tolerance, 1)} ${unit}` })}` : "");
+    verdict.textContent = !text ? "" : Number.isNaN(v) ? t(!/\d/.test(text) ? "noNumber" : asked && /\p{L}/u.test(text) ? "notIn" : "bareNumber", { u: asked }) : q.step === "predict" ? "" : right ? t("correct") : near ? t("moreDigits") : t("lookAgain", { x: page.say(field.look) || label || t("thePicture") }) + (field.tolerance > 0 && !q.rounds ? ` · ${t("within", { e: `${general(field.tolerance, 3)} ${unit}` })}` : "");
     verdict.className = right ? "right" : "soft";
     if (right && q.step !== "predict") verdict.prepend(icon("tick"));
   };
@@ -343,7 +344,7 @@ function paperOf(page) {
     make("div", { className: "who" }, line(t("name"), "long"), make("div", {}, line(t("course"), "short"), " ", line(t("date"), "short"))));
   const questions = lesson.questions.map((q, i) => make("section", {}, make("b", { className: "number", textContent: i + 1 }),
     make("div", { className: "asked" }, make("p", {}, make("span", {}, ...inline(page.say(q.question))), make("small", { textContent: q.minutes ? t("minutes", { t: q.minutes }) : "" })), ...(q.note ? [rendered(page.say(q.note))] : []), ...answerOf(page, q))));
-  const foot = make("div", { className: "bottom" }, make("span", { textContent: `kaju · ${page.say(page.title)}` }), make("span", { textContent: lesson.kept ? t("asSaved", { d: new Date().toLocaleDateString(page.language) }) : "" }));
+  const foot = make("div", { className: "bottom" }, make("span", { textContent: `kaju · ${page.say(page.title)}` }), make("span", { textContent: lesson.kept ? t("asSaved", { d: new Date().toLocaleDateString(page.language, { dateStyle: "long" }) }) : "" }));
   const answers = lesson.teacher ? [make("div", { className: "teachers" }, make("h1", { textContent: `${t("answers")}: ${page.say(page.title)}` }),
     ...(lesson.notes ? [rendered(page.say(lesson.notes))] : []),
     ...lesson.questions.map((q, i) => make("section", {}, make("b", { className: "number", textContent: i + 1 }), make("div", { className: "asked" }, ...solution(page, q)))))] : [];
@@ -359,7 +360,7 @@ const solution = (page, q) => [make("p", { textContent: (q.fields ?? []).map((f)
 /** What has been answered, in italics; lines where nothing has. */
 function answerOf(page, q) {
   const { lesson, t } = page, given = lesson.answers[q.key], lines = (n) => Array.from({ length: n }, () => make("div", { className: "ruled" }));
-  const written = q.kind === "number" ? given?.[q.fields.length] : given, text = written?.trim() ? [make("p", { className: "given", textContent: written })] : null;
+  const written = lesson.said(q.kind === "number" ? given?.[q.fields.length] : given), text = written?.trim() ? [make("p", { className: "given", textContent: written })] : null;
   if (q.kind === "number") return [make("table", {}, make("tr", {}, ...q.fields.map((f) => make("th", {}, page.say(f.label) ?? ""))),
     make("tr", {}, ...q.fields.map((f, i) => make("td", {}, make("em", { textContent: given?.[i] ?? "" }), ` ${page.say(f.unit) ?? ""}`)))), ...(q.draws ? [axes()] : []), ...(q.write ? [make("p", {}, ...inline(page.say(q.write)))] : []), ...(q.lines ? text ?? lines(q.lines) : [])];
   if (q.draws === true) return [bodyOf(page, q), ...(text ?? lines(1))];

@@ -214,12 +214,12 @@ export class MotionPage extends Page {
     }
   }
   words() {
+    this.parts.cap.classList.toggle("wide", !this.whole.length);   // no arrow stands beside it
     const { t, g, run, along, at } = this, shares = along === "stage" && at.at(-1) === 1 && at.length > 2, counts = along !== "s" && at.at(-1) === run.generation;
     const moment = () => (counts ? t(`along_${along}`) : `${t(`along_${shares ? "share" : along}`)} ${quantity(at[g], "")} ·`);   // of what is counted once is enough
     this.tellTime(along === "s" ? `${t("time")} ${general(at[g], 4)} s` : `${moment()} ${t("moment", { g, n: run.generation })}`);
     this.parts.verdict.hidden = !this.outcome || (this.along === "share" || (this.lesson && (this.born || this.along === "step")) ? this.lesson : g < run.generation) || this.limit < run.generation;   // how it ended is told at the end, but no lesson's number
-    this.tell();
-    this.drawCurves();
+    this.tell(); this.drawCurves();
   }
   tell() {
     const { picked, parts, t } = this, rod = this.lesson && this.along === "s" && this.corners === 2 ? [rodOf(this)] : [];
@@ -236,7 +236,7 @@ export class MotionPage extends Page {
     if (!box.isConnected) return;
     const { lesson } = this, seen = this.seen = Math.max(this.seen ?? 0, g), limit = lesson?.step !== "step" || lesson.teacher ? Infinity : at[seen];   // what a lesson lets read is played first
     const list = lesson?.curves ? lesson.curves.flatMap((name) => curveList.find(({ title }) => title.startsWith(name)) ?? []) : curveList.slice(0, 6), most = (list) => Math.max(...list.map(Math.abs)), shown = (lines, all = Object.entries(lines)) => all.filter(([, list]) => all.length < 4 || most(list) > 0.01 * Math.max(...Object.values(lines).map(most)));   // of many, those that are not nothing
-    if (g && lesson && this.canvas.clientWidth < 520 && !(this.breaking.length && g === this.run.generation)) this.parts.cap.textContent = list.filter(({ place }) => !place).map(({ title, unit, at: over, lines }) => `${named(title)}: ${Object.values(lines).map((line) => quantity(line[over.findIndex((v) => v >= at[g])], unit, most(line))).join(", ")}`).join(" · ");   // on a phone the charts are a long way down
+    if (g && lesson && this.canvas.clientWidth < 520) this.parts.cap.textContent = list.filter(({ place }) => !place).map(({ title, unit, at: over, lines }) => `${named(title)}: ${Object.values(lines).map((line) => quantity(line[over.findIndex((v) => v >= at[g])], unit, most(line))).join(", ")}`).concat(this.picked >= 0 && this.there(this.picked) ? `${this.word(this.look.colour)} ${quantity(this.value(this.picked), this.unitOf(this.look.colour))}` : [], this.breaking.length && g === this.run.generation ? this.parts.verdict.textContent : []).join(" · ");   // on a phone the charts, and what was clicked, are a long way down
     paintGrid(box, list.map(({ title, unit, at: over, axis, lines, logarithmic, course, bars, place }) =>
       ({ word: named(title), unit, over, lists: shown(lines).map(([, list]) => list), names: shown(lines).map(([name]) => named(name)), now: place ? null : at[g], log: logarithmic, course, bars, axis, end: place || course ? 0 : at.at(-1), limit: place && limit < at.at(-1) ? -Infinity : limit })), inks);
   }
@@ -252,7 +252,7 @@ export class MotionPage extends Page {
     let best = Infinity;
     for (let i = 0; i < this.count; i++) {
       if (!this.there(i)) continue;
-      const [x, y] = this.view.point(this.middle(i)), far = Math.hypot(x - event.offsetX, y - event.offsetY);
+      const [x, y] = this.view.point(this.middle(i)), off = Math.hypot(x - event.offsetX, y - event.offsetY), far = this.fields.level ? Math.max(8, off) - 0.01 * this.value(i, "level") : off;   // of agents too small to be hit one by one, the smallest
       if (far < best) { best = far; this.picked = i; }
     }
     this.later();

@@ -146,7 +146,7 @@ def _of_bolts(result: ElasticResult) -> Iterator[str]:
     found = [(name, result.couples[name]) for name in (cut.ground.rigid.values() if cut else ())]
     if told := [f"{name!r} {couple:.4g} N·m" for name, couple in found if abs(couple) > least]:
         couples = f"rigid holes bear couples ({', '.join(told)})"
-        yield f'{couples}; bolts let the part turn: take material = "pinned"'
+        yield f'{couples}; for bolts, which let the part turn, take material = "pinned"'
 
 
 def _of_outlines(result: ElasticResult) -> Iterator[str]:

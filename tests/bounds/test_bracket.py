@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 from exact.graded_elements import graded_elements
-from spawning_bodies import STEEL, drawn
+from goal_bodies import on_top, plate
+from spawning_bodies import drawn
 
 from kaju import Deflection, Scene, solve
 
@@ -11,21 +12,15 @@ PRECISE = 2e-6
 """Share of its energy that a truth by graded elements may be off."""
 
 
-def plate(n, **changes):
-    described = {
-        "body": {"size": [0.2, 0.2], "cells": [n, n], "thickness": 0.002, "material": "a"},
-        "materials": {"a": STEEL},
-        "sides": {"bottom": "rigid"},
-        "loads": [{"region": {"box": [[0.08, 0.2], [0.12, 0.2]]}, "force": [0.0, -2.0]}],
-    }
-    return Scene(**(described | changes))
+def pressed(n):
+    return plate(cells=[n, n], loads=[on_top(0.08, 0.12, [0.0, -2.0])])
 
 
 def test_bounds_of_equal_cells_close_in_as_their_estimate_does():
-    truth = graded_elements(plate(10), order=4, levels=14).strain_energy
+    truth = graded_elements(pressed(10), order=4, levels=14).strain_energy
     gaps = []
     for n in (10, 40, 160):
-        result = solve(plate(n))
+        result = solve(pressed(n))
         lower, upper = result.energy_bounds
         assert lower * (1 - PRECISE) <= truth <= upper * (1 + PRECISE), (lower, truth, upper)
         assert result.error_bound is None  # which is of a stress that balances
@@ -40,8 +35,7 @@ def test_a_row_of_cells_between_two_moved_sides_is_solved():
     moved = {"displacement": [0.0, -2e-6]}
     body = {"cell_size": 0.01, "cells": [6, 1], "thickness": 0.01, "material": "a"}
     sides = {"bottom": "rigid", "top": moved, "left": "roller", "right": "roller"}
-    soft = {"a": {"youngs_modulus": 1e9, "poissons_ratio": 0.3}}
-    result = solve(plate(1, body=body, materials=soft, loads=[], sides=sides))
+    result = solve(Scene(body=body, materials={"a": ELASTIC}, sides=sides))
     exact = 0.5 * 1e9 / (1 - 0.3**2) * (2e-4) ** 2 * 0.06 * 0.01 * 0.01
     assert result.strain_energy == pytest.approx(exact)
     assert result.energy_bounds == pytest.approx((exact, exact))

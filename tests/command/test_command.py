@@ -124,13 +124,9 @@ def test_demo_runs_the_worked_plate_and_says_where_the_pictures_are(kaju):
         assert Path(line).stat().st_size > 1000
 
 
-def python(*words):
-    words = [sys.executable, *words]
-    return subprocess.run(words, capture_output=True, text=True, check=True).stdout
-
-
 def test_importing_kaju_stays_light():
     """Also with a scene."""
     heavy = {"matplotlib", "pandas", "mesa", "numba", "networkx", "scipy", "skfem", "PIL"}
-    loaded = python("-c", "import kaju; kaju.Scene; import sys; print(*sys.modules)").split()
-    assert heavy.isdisjoint(loaded)
+    words = [sys.executable, "-c", "import kaju; kaju.Scene; import sys; print(*sys.modules)"]
+    done = subprocess.run(words, capture_output=True, text=True, check=True)
+    assert heavy.isdisjoint(done.stdout.split())

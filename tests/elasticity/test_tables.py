@@ -4,6 +4,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from goal_bodies import on_top
+from goal_bodies import plate as worked
 
 import kaju
 from kaju import Scene, solve
@@ -148,10 +150,7 @@ def test_displacement_energy_and_reactions_are_the_pinned_ones(name, iterated, m
 
 def plate(n):
     """The worked plate under 2 N over the middle 20 mm of its top."""
-    load = {"region": {"box": [[0.09, 0.2], [0.11, 0.2]]}, "force": [0.0, -2.0]}
-    body = {"size": [0.2, 0.2], "cells": [n, n], "thickness": 2e-3, "material": "m"}
-    steel = {"m": {"youngs_modulus": 206e9, "poissons_ratio": 0.3}}
-    return Scene(body=body, materials=steel, sides={"bottom": "rigid"}, loads=[load])
+    return worked(cells=[n, n], loads=[on_top(0.09, 0.11, [0.0, -2.0])])
 
 
 @pytest.mark.parametrize(("n", "under_load", "centre"), [

@@ -63,14 +63,6 @@ def as_scene(kinds, materials=MATERIALS, plane=None):
     )
 
 
-def cells_of(scene, resolution):
-    return solve(scene, resolution=resolution)
-
-
-def boxes(scene, split, order=2):
-    return finite_elements(scene, split=split, order=order)
-
-
 def limit(values):
     """Aitken's extrapolation of the last three of a sequence."""
     first, second, third = values[-3:]
@@ -83,8 +75,8 @@ def bracket(kinds, plane, splits, resolutions, close=None):
     If asked, displacements of cells come ever closer to those of the finest elements.
     """
     scene = as_scene(kinds, plane=plane)
-    elements = [boxes(scene, k) for k in splits]
-    cells = [cells_of(scene, k) for k in resolutions]
+    elements = [finite_elements(scene, split=k) for k in splits]
+    cells = [solve(scene, resolution=k) for k in resolutions]
     below, above = ([answer.strain_energy for answer in row] for row in (elements, cells))
     assert np.all(np.diff(below) > 0)
     assert np.all(np.diff(above) < 0)
@@ -122,9 +114,9 @@ def test_rubber_does_not_lock():
     kinds = np.zeros((6, 5), int)
     kinds[2:5, 2] = kinds[0, 3:] = -1
     scene = as_scene(kinds, rubber, "strain")
-    truth = limit([boxes(scene, k).strain_energy for k in (4, 8, 16)])
+    truth = limit([finite_elements(scene, split=k).strain_energy for k in (4, 8, 16)])
     for split in (2, 4, 8, 16):
-        locked = boxes(scene, split, 1).strain_energy / truth - 1
-        cells = cells_of(scene, split).strain_energy / truth - 1
+        locked = finite_elements(scene, split=split, order=1).strain_energy / truth - 1
+        cells = solve(scene, resolution=split).strain_energy / truth - 1
         assert locked < -min(0.4, 1.2 / split)
         assert 0 < cells < 0.4 / split**1.6

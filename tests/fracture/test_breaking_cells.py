@@ -5,10 +5,8 @@ import json
 import numpy as np
 import pytest
 from artists import axes_of, drawn
-from typer.testing import CliRunner
 
 import kaju
-from kaju.cli import app
 from kaju.model.fracture import breaking_bodies
 
 
@@ -105,11 +103,11 @@ material = "air"
 """
 
 
-def test_a_notched_body_parts_where_it_is_notched(tmp_path):
+def test_a_notched_body_parts_where_it_is_notched(tmp_path, typed):
     scene = tmp_path / "notched.toml"
     scene.write_text(NOTCHED)
     words = ["break", scene, "--out", tmp_path / "broken", "--strength", 0.1, "--scatter", "20%"]
-    told = CliRunner().invoke(app, [*map(str, words), "--json"], catch_exceptions=False)
+    told = typed(*words, "--json")
     assert told.exit_code == 0
     figures = json.loads(told.stdout)
     assert figures["outcome"].startswith("parted")

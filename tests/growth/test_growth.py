@@ -8,10 +8,8 @@ import pytest
 from peers.optimality import POWER, VOID, Beam, Bilinear
 from plates import loaded
 from stored_files import rewritten
-from typer.testing import CliRunner
 
 import kaju
-from kaju.cli import app
 from kaju.errors import ParameterError, ResultError, ResultFileError
 from kaju.model.growth.growth_rules import Compliance, FullyStressed, GrowthRule, Remodelling
 
@@ -180,10 +178,10 @@ def test_arguments_that_break_a_rule_are_named(key):
             make()
 
 
-def test_the_command_grows_a_bridge(tmp_path):
+def test_the_command_grows_a_bridge(tmp_path, typed):
     out = tmp_path / "grown"
     words = ["grow", BRIDGE, "--out", out, "--volume", "30%", "--radius", 2, "--steps", 12]
-    told = CliRunner().invoke(app, [*map(str, words), "--json"], catch_exceptions=False)
+    told = typed(*words, "--json")
     figures, result = json.loads(told.stdout), kaju.load_result(out)
     assert figures["outcome"] == "ended after 12 steps, as asked"
     assert figures["volume"] == pytest.approx(0.3, rel=1e-12)

@@ -46,11 +46,8 @@ def test_the_worked_plate():
     assert scene.rule == PrescribedRule((0.5, 0.5, 0.25), 0.5, 0.01)
     (steel,) = scene.cell_materials
     assert (steel.name, steel.youngs_modulus, steel.poissons_ratio) == ("steel", 206e9, 0.3)
-    assert str(scene) == ("20 x 20 squares of 0.01 m (steel), 1 load in 20 stages, prescribed rule")
-
-
-def test_a_plate_is_material_inside_and_its_sides_outside():
-    scene = Scene.from_toml(PLATE)
+    assert str(scene) == "20 x 20 squares of 0.01 m (steel), 1 load in 20 stages, prescribed rule"
+    # It is material inside, and its sides outside.
     around = [[0, 0], [19, 19], [5, -1], [5, 20], [-1, 5], [20, 5]]
     assert scene.kinds(around).tolist() == [0, 0, RIGID, AIR, AIR, AIR]
     lower, upper = scene.bounds()

@@ -5,7 +5,6 @@ from pathlib import Path
 
 import pytest
 from PIL import Image
-from spawning_bodies import spawned_by
 
 from kaju import ElasticResult, Reference, compare, load_scene, solve
 
@@ -21,7 +20,7 @@ def scene():
 
 @pytest.fixture(scope="module")
 def spawned(scene):
-    return spawned_by(scene, tolerance=0.005)
+    return solve(scene, tolerance=0.005)
 
 
 def test_spawned_agents_and_equal_cells_tell_the_same(scene, spawned):

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from exact.graded_elements import graded_elements
-from goal_bodies import plate
-from spawning_bodies import BODIES, PLANE, SOLID, STEEL, drawn, ragged, spawned_by, under_a_patch
+from goal_bodies import angle, on_top, plate
+from spawning_bodies import BODIES, PLANE, SOLID, STEEL, drawn, ragged, under_a_patch
 
 from kaju import Reference, Scene, solve
 from kaju.errors import ParameterError, SceneError
@@ -19,7 +19,7 @@ LIMIT = 1.32302e-8
 
 def test_energy_of_the_plate_tends_to_the_finite_elements_limit():
     """With half the error for less than three times the agents, below the plate's corners."""
-    results = [spawned_by(plate(), tolerance=t) for t in (0.02, 0.004)]
+    results = [solve(plate(), tolerance=t) for t in (0.02, 0.004)]
     errors = [result.error_bound for result in results]
     slope = np.log(errors[1] / errors[0]) / np.log(results[1].agents / results[0].agents)
     assert slope < -0.65
@@ -34,7 +34,7 @@ def test_block_of_cubes_costs_what_the_load_reaches():
     load = {"region": {"box": [[0.499, 0.499, 1.0], [0.501, 0.501, 1.0]]}, "force": [0, 0, -1.0]}
     body = {"size": [1.0, 1.0, 1.0], "cells": [16384] * 3, "material": "steel"}
     scene = Scene(body=body, sides={"bottom": "rigid"}, loads=[load])
-    result = spawned_by(scene, tolerance=0.25)
+    result = solve(scene, tolerance=0.25)
     assert result.tolerance_kept == "estimated"
     assert result.agents < 10_000
     np.testing.assert_allclose(result.reactions["bottom"], [0, 0, 1.0], atol=1e-4)
@@ -43,7 +43,7 @@ def test_block_of_cubes_costs_what_the_load_reaches():
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_vtk_file_holds_the_agents(tmp_path, dimension):
     meshlane = pytest.importorskip("meshlane")
-    result = spawned_by(under_a_patch(dimension), tolerance=0.3)
+    result = solve(under_a_patch(dimension), tolerance=0.3)
     mesh = meshlane.read(result.to_vtk(tmp_path / "agents.vtu"))
     assert len(mesh.cells[0].data) == result.agents
     corner = mesh.points[mesh.cells[0].data]
@@ -72,28 +72,17 @@ def test_agents_go_where_members_are_too_thin_for_equal_cells():
     assert result.error_bound <= 0.1
 
 
-OF_STEEL = {"material": "steel"}
-
-
-def angle(force=(100.0, 0.0)):
-    """An L of 0.8 m on its ground, loaded along its whole top."""
-    cut = {"box": [[0.4, 0.4], [0.8, 0.8]], "material": "air"}
-    top = {"region": {"box": [[0.0, 0.8], [0.4, 0.8]]}, "force": list(force)}
-    body = {"size": [0.8, 0.8], "cells": [8, 8], "thickness": 1.0, "regions": [cut], **OF_STEEL}
-    return Scene(body=body, sides={"bottom": "rigid"}, loads=[top])
-
-
 @pytest.mark.parametrize("tolerance", [0.02, 0.005])  # of these the second is kept by blocks
 def test_a_corner_costs_few_agents(tolerance):
     """Agents fall like 1/tolerance² as in a body without corners, and the bound uses all of it."""
-    result = solve(angle(), tolerance=tolerance)
+    result = solve(angle("stress"), tolerance=tolerance)
     assert result.tolerance_kept == "proved"
     assert 0.8 * tolerance < result.error_bound <= tolerance
     assert result.agents < 4.5 / tolerance**2
 
 
 def test_agents_round_a_corner_are_the_smallest():
-    result = solve(angle(), tolerance=0.05)
+    result = solve(angle("stress"), tolerance=0.05)
     for end in product((-1, 1), repeat=2):
         if end != (1, 1):
             at = np.argmin(np.abs(result.middle - 0.4 - 1e-6 * np.array(end)).max(axis=1))
@@ -105,7 +94,7 @@ def test_pure_shear_is_bounded_but_for_its_corners():
     force = 100.0
     ways = {"top": [force, 0.0], "right": [0.0, force], "left": [0.0, -force]}
     loads = [{"side": side, "force": way} for side, way in ways.items()]
-    body = {"size": [0.2, 0.2], "cells": [10, 10], "thickness": 1.0, **OF_STEEL}
+    body = {"size": [0.2, 0.2], "cells": [10, 10], "thickness": 1.0, "material": "steel"}
     scene = Scene(body=body, sides={"bottom": "rigid"}, loads=loads)
     result = solve(scene, tolerance=0.01)
     (steel,) = scene.cell_materials
@@ -141,16 +130,14 @@ def test_cells_held_all_round_are_no_loose_part():
     np.testing.assert_allclose(result.reactions["rigid"], [0.0, -1.0], atol=1e-9)
 
 
-def between(**others):
-    load = {"region": {"box": [[0.09, 0.2], [0.11, 0.2]]}, "force": [0.0, -2.0]}
-    return plate(**{"loads": [load]} | others)
+BETWEEN = plate(loads=[on_top(0.09, 0.11, [0.0, -2.0])])
 
 
 @pytest.mark.parametrize(
-    "scene", [between(), under_a_patch(3, force=(0.3, 0.0, -1.0))], ids=["plate", "block"]
+    "scene", [BETWEEN, under_a_patch(3, force=(0.3, 0.0, -1.0))], ids=["plate", "block"]
 )
 def test_body_does_not_leave_a_wall(scene):
-    result = spawned_by(scene, tolerance=0.3)
+    result = solve(scene, tolerance=0.3)
     size = scene.lattice.size ** (1 / scene.lattice.dimension) * scene.lattice.cell_size
     rng = np.random.default_rng(3)
     points = rng.uniform(0.0, size, size=(300, scene.lattice.dimension))
@@ -164,7 +151,7 @@ def test_body_does_not_leave_a_wall(scene):
 def test_rigid_cells_inside_stand_still():
     rows = ["a" * 8] * 3 + ["aaa==aaa"] * 2 + ["a" * 8] * 3
     scene = drawn(rows, [STEEL], [{"side": "top", "force": [1.0, -2.0]}], sides={})
-    result = spawned_by(scene, tolerance=0.2)
+    result = solve(scene, tolerance=0.2)
     around = np.linspace(0.03, 0.05, 41)
     for fixed, axis in product((0.03, 0.05), (0, 1)):
         points = np.insert(around[:, None], axis, fixed, axis=1)
@@ -172,9 +159,7 @@ def test_rigid_cells_inside_stand_still():
 
 
 def test_ends_of_a_loaded_surface_are_as_accurate_as_the_rest():
-    scene = between()
-    fine = solve(scene, resolution=32)
-    result = spawned_by(scene, tolerance=0.003)
+    fine, result = solve(BETWEEN, resolution=32), solve(BETWEEN, tolerance=0.003)
     x = np.linspace(0.08, 0.12, 81)
     top = np.stack([x, np.full(81, 0.2)], axis=1)
     true = fine.displacement_at(top)
@@ -194,7 +179,7 @@ def test_idle_body_beside_changes_nothing():
     codes[:16] = codes[20:] = 1
     load = {"region": {"box": [[0.05, 0.16], [0.07, 0.16]]}, "force": [0.3, -1.0]}
     bodies = (drawn(cells, [STEEL], [load]) for cells in (codes[:16], codes))
-    alone, beside = (spawned_by(body, tolerance=0.1) for body in bodies)
+    alone, beside = (solve(body, tolerance=0.1) for body in bodies)
     near = beside.lower[:, 0] < 0.16
     mine, theirs = np.lexsort(alone.lower.T), np.flatnonzero(near)
     theirs = theirs[np.lexsort(beside.lower[near].T)]
@@ -207,7 +192,7 @@ def test_idle_body_beside_changes_nothing():
 
 @pytest.mark.parametrize("scene", [ragged(1), under_a_patch(3)], ids=["ragged", "cubes"])
 def test_same_numbers_bit_by_bit(scene):
-    first, second = (spawned_by(scene, tolerance=0.15) for _ in range(2))
+    first, second = (solve(scene, tolerance=0.15) for _ in range(2))
     np.testing.assert_array_equal(first.displacement, second.displacement)
     assert first.residuals == second.residuals
     assert first.error_estimate == second.error_estimate

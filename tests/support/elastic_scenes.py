@@ -4,15 +4,18 @@ import numpy as np
 import scipy.sparse as sp
 from hypothesis import reject
 from hypothesis import strategies as st
+from plates import loaded
 from plates import plate as pressed
 from scipy.sparse.linalg import spsolve
 
-from kaju import ElasticModel, ElasticRule, Scene
+from kaju import ElasticModel, ElasticRule
 from kaju.errors import SceneError
 from kaju.model.elastic.equal.staggered import Numbering, stiffness_matrix
 
-LEGEND = {"a": "steel", "b": "soft", ".": "air", "=": "rigid"}
-SOFT = {"youngs_modulus": 2e10, "poissons_ratio": 0.45}
+STUFF = {
+    "legend": {"a": "steel", "b": "soft", ".": "air", "=": "rigid"},
+    "materials": {"soft": {"youngs_modulus": 2e10, "poissons_ratio": 0.45}},
+}
 
 
 def plate(cells=8, force=(0.0, -2.0), at=None, sides=None, **rule):
@@ -24,14 +27,8 @@ def plate(cells=8, force=(0.0, -2.0), at=None, sides=None, **rule):
 
 def drawn(drawing, loads, sides=None, plane="stress", **rule):
     """A drawn body of cells of 10 mm."""
-    return Scene(
-        body={"cell_size": 0.01, "thickness": 0.002, "drawing": drawing, "plane": plane},
-        legend=LEGEND,
-        materials={"soft": SOFT},
-        sides=sides or {},
-        loads=loads,
-        rule=ElasticRule(**rule),
-    )
+    parts = {"sides": sides or {}, "rule": ElasticRule(**rule), "plane": plane}
+    return loaded(drawing, *loads, thickness=0.002, **parts, **STUFF)
 
 
 RAGGED = """
@@ -115,24 +112,13 @@ def scenes(draw, order=None):
         side: draw(st.sampled_from(["free", "free", "roller", {"stiffness": 1e12}]))
         for side in ("left", "right", "top")
     }
-    bottom = draw(st.sampled_from(["rigid", {"displacement": [1e-10, -2e-10]}]))
-    return Scene(
-        body={
-            "cell_size": 0.01,
-            "thickness": 0.002,
-            "drawing": "\n".join(lines),
-            "plane": draw(st.sampled_from(["stress", "strain"])),
-            "allow_floating": True,
-        },
-        legend=LEGEND,
-        materials={"soft": SOFT},
-        sides={**sides, "bottom": bottom},
-        loads=loads,
-        rule=ElasticRule(
-            threshold=draw(st.sampled_from([0.03, 0.1, 0.4])),
-            order=order or draw(st.sampled_from(["wave", "largest first", "multilevel"])),
-        ),
+    sides["bottom"] = draw(st.sampled_from(["rigid", {"displacement": [1e-10, -2e-10]}]))
+    how = {"plane": draw(st.sampled_from(["stress", "strain"])), "sides": sides, "thickness": 0.002}
+    rule = ElasticRule(
+        threshold=draw(st.sampled_from([0.03, 0.1, 0.4])),
+        order=order or draw(st.sampled_from(["wave", "largest first", "multilevel"])),
     )
+    return loaded("\n".join(lines), *loads, rule=rule, allow_floating=True, **how, **STUFF)
 
 
 def run(scene, engine="arrays", **options):

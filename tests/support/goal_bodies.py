@@ -26,10 +26,11 @@ def plate(**changes):
     return Scene(**{"body": body, "sides": GROUND, "loads": [load]} | changes)
 
 
-def angle():
+def angle(plane="strain"):
+    """An L of 0.8 m on its ground, dragged along its whole top."""
     drawing = "####....\n" * 4 + "########\n" * 4
     return Scene(
-        body={"cell_size": 0.1, "drawing": drawing, "plane": "strain"},
+        body={"cell_size": 0.1, "drawing": drawing, "plane": plane},
         legend={"#": "steel", ".": "air"},
         sides=GROUND,
         loads=[{"region": {"box": [[0, 0.8], [0.4, 0.8]]}, "force": [100.0, 0.0]}],

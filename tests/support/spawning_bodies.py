@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.ndimage import label
 
-from kaju import Scene, solve
+from kaju import Scene
 
 CELL = 0.01
 STEEL = {"youngs_modulus": 206e9, "poissons_ratio": 0.3}
@@ -143,13 +143,3 @@ SOLID = {
     "cube-inclusion": lambda: quarter(0.3, {"youngs_modulus": 0.01, "poissons_ratio": 0.2}),
 }
 BODIES = PLANE | SOLID
-
-
-def middles(scene):
-    """Return the middles (m) of the body's cells."""
-    return scene.lattice.cell_size * (np.argwhere(scene.rasterise() >= 0) + 0.5)
-
-
-def spawned_by(scene, **how):
-    """The answer of agents that spawn."""
-    return solve(scene, **how)

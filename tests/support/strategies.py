@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 from hypothesis import reject
 from hypothesis import strategies as st
+from plates import loaded
 
 from kaju import Coefficients, PrescribedRule, Scene
 from kaju.errors import SceneError
@@ -18,7 +19,6 @@ either = st.booleans()
 coefficients = st.builds(
     Coefficients, alpha=st.none() | st.tuples(share, share, share), beta=st.floats(0.0, 1.0)
 )
-LEGEND = {"a": "steel", "b": "rubber", ".": "air", "=": "rigid"}
 
 
 @st.composite
@@ -61,18 +61,14 @@ def scenes(draw, rule=None, senses=either):
         for _ in range(draw(st.integers(1, 3)))
     ]
     held = st.sampled_from(["free", "rigid", "roller"])
-    return Scene(
-        body={
-            "cell_size": 0.01,
-            "thickness": 0.002,
-            "drawing": "\n".join(drawing),
-            "lattice": draw(st.sampled_from(["square", "hexagon", Triangles])),
-            "allow_floating": True,
-        },
-        legend=LEGEND,
+    return loaded(
+        "\n".join(drawing),
+        *loads,
+        lattice=draw(st.sampled_from(["square", "hexagon", Triangles])),
         sides={side: draw(held) for side in ("left", "right", "bottom", "top")},
-        loads=loads,
         rule=draw(rules(senses)) if rule is None else rule,
+        thickness=0.002,
+        allow_floating=True,
     )
 
 

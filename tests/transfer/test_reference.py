@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 from plates import PLATE, loaded, plate
-from plates import plate as pressed
 from transfer_answers import ENGINES, of_cells
 
 from kaju import LoadModel, PrescribedRule, Scene
@@ -47,7 +46,7 @@ def test_the_cube(engine):
 
 def worked(steps=1, **rule):
     how = {"size": [0.2, 0.2], "thickness": 0.002, "rule": PrescribedRule(**rule)}
-    return pressed([20, 20], [10, 19], steps=steps, **how)
+    return plate([20, 20], [10, 19], steps=steps, **how)
 
 
 @ENGINES
@@ -79,27 +78,16 @@ def test_stages_repeat_the_run_with_more_load(engine):
     assert not np.allclose(taken, np.linspace(0.05, 1, 20) * taken[-1], rtol=0.05), "not linear"
 
 
-RULE = PrescribedRule(threshold=1e-3)
-
-
-def run(drawing, loads, sides, engine, rule=RULE):
-    loads = [{"cell": cell, "force": force} for cell, force in loads]
-    how = {"thickness": 0.01, "allow_floating": True}
-    scene = loaded(drawing, *loads, sides=sides, rule=rule, **how)
-    return LoadModel(scene, engine=engine).run()
-
-
-def as_table(result):
-    return of_cells(result, np.column_stack([result.last.taken, result.last.spawn_step]))
-
-
 def test_each_load_by_itself_is_superposition():
     """Judged one by one, two loads do exactly what they do alone, added up."""
-    body = "\n".join(["#######"] * 4)
-    left, right = ((1, 3), (0.0, -2.0)), ((4, 3), (0.5, -1.0))
-    sides = {"bottom": "rigid"}
-    both = as_table(run(body, [left, right], sides, "arrays"))
-    alone = [as_table(run(body, [load], sides, "arrays")) for load in (left, right)]
-    for cell, values in both.items():
-        parts = [np.array(table[cell][:4]) for table in alone if cell in table]
-        np.testing.assert_allclose(values[:4], sum(parts), rtol=1e-13)
+    left, right = {"cell": [1, 3], "force": [0.0, -2.0]}, {"cell": [4, 3], "force": [0.5, -1.0]}
+
+    def taken(*loads):
+        scene = loaded([7, 4], *loads, thickness=0.01, rule=PrescribedRule(threshold=1e-3))
+        result = LoadModel(scene, engine="arrays").run()
+        return of_cells(result, result.last.taken)
+
+    alone = [taken(left), taken(right)]
+    for cell, values in taken(left, right).items():
+        parts = [table[cell] for table in alone if cell in table]
+        np.testing.assert_allclose(values, sum(parts), rtol=1e-13)

@@ -66,7 +66,7 @@ class LargestStress(NamedTuple):
 
     value: float  # Pa
     at: tuple[float, ...]  # m
-    no_limit: bool  # Whether stress has no limit somewhere else
+    no_limit: bool  # Whether stress has no limit somewhere, a cell or more away
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -368,11 +368,11 @@ class ElasticResult(BodyResult):
         law, plane = self.found.law[own], self.scene.plane
         reached = [equivalent_stress(one, self.found.moduli, law, plane) for one in told]
         value = self.found.scales.stress * np.min(reached, axis=0)
-        if some := len(self.sharp_corners):
+        if some := len(self.sharp_corners) > 0:
             away = nearest(self.sharp_corners, points)[0] > 0.999 * self.scene.lattice.cell_size
-            value *= away | ~away.any()
+            value *= away | (not (some := bool(away.any())))
         at = first_largest(value)
-        return LargestStress(float(value[at]), tuple(points[at].tolist()), bool(some))
+        return LargestStress(float(value[at]), tuple(points[at].tolist()), some)
 
     @cached_property
     def sharp_corners(self) -> Floats:

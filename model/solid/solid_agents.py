@@ -77,7 +77,10 @@ def grid_of_solid(scene: Scene, resolution: int) -> tuple[Grid, Floats]:
             f"body.regions: nothing of the body is two cells of {solid.edge:.3g} m thick; give a "
             "larger resolution"
         )
-    grid = scene_of_cells(scene, body, solid.edge)
+    # The same scene of the cells that are body: held and loaded as it is.
+    (material,) = scene.cell_materials
+    cells = Body(array=body.astype(np.int16), cell_size=solid.edge)
+    grid = scene.replace(body=cells, legend={"0": "air", "1": material.name})
     like, origin = problem_of_scene(grid)
     left_out = 1.0 - float(share[body].sum() / share.sum())
     # More than 5 % are refused, and more than 0.01 % noted.
@@ -110,13 +113,6 @@ def solid_of(scene: Scene, resolution: int) -> SolidBody:
     shape = tuple(resolution * count for count in scene.lattice.shape)
     edge = scene.lattice.cell_size / resolution
     return SolidBody(shape, edge, scene.body.material not in NOT_BODY, shapes)
-
-
-def scene_of_cells(scene: Scene, cells: Flags, edge: float) -> Scene:
-    """Return a scene of cells, held and loaded as the one that is asked about."""
-    (material,) = scene.cell_materials
-    body = Body(array=cells.astype(np.int16), cell_size=edge)
-    return scene.replace(body=body, legend={"0": "air", "1": material.name})
 
 
 def _check_loads(scene: Scene, body: Flags, sorts: NDArray[np.int8]) -> None:

@@ -16,7 +16,6 @@ from kaju.model.results.stored import Column
 from kaju.model.scene import Scene
 
 from . import fields
-from .fields import reactions
 from .grid import Grid, problem_of_scene, repeated
 from .staggered import Strains, energy_of_cells
 from .system import Solution
@@ -151,7 +150,7 @@ class CellAgents(OnCells):
     def reactions(self) -> dict[str, Floats]:
         """Return the force of each support on the body."""
         u = self.solution.displacement
-        return reactions(self.problem, u, self.grid.lattice, self.origin)
+        return fields.reactions(self.problem, u, self.grid.lattice, self.origin)
 
     def displacement_at(self, points: Floats, cells: Ints) -> Floats:
         """Return the displacement at points (m) in or on cells of the grid."""

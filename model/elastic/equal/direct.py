@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from functools import reduce
-from math import sqrt
 
 import numpy as np
 import scipy.sparse as sp
@@ -35,7 +34,7 @@ def _missed_by_coarse(
         mean = np.divide(mean, weight, out=np.zeros_like(mean), where=weight > 0.1)
         rough = x - prolong @ mean
         felt = stiffness_matrix(problem, numbering, without_pressure(problem.moduli))
-        return sqrt(max(dot(rough, felt @ rough) / whole, 0.0)) if whole > 0.0 else 0.0
+        return missed(0.5 * dot(rough, felt @ rough), whole)
     if is_box(problem):
         coarse = coarse_box(problem)
         own = Numbering(coarse.face_states)
@@ -50,7 +49,7 @@ def _missed_by_coarse(
         felt = felt + sp.diags_array(GUARD * felt.diagonal() + (felt.diagonal() <= 0.0))
     parents = np.asarray(prolong @ factors_of(felt).solve(prolong.T @ system.right))
     potential = 0.5 * dot(parents, matrix @ parents) - dot(parents, system.right)
-    return missed(potential, -0.5 * dot(x, system.right), whole)
+    return missed(potential + 0.5 * dot(x, system.right), whole)
 
 
 def prolongation(numbering: Numbering, ghost_weights: Floats | None = None) -> sp.csr_array:

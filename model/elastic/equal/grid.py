@@ -259,41 +259,33 @@ class _Couples(NamedTuple):
         """Return the kinds of the neighbours along an axis."""
         return np.asarray(self.problem.kinds[tuple(moved(self.cells, axis, 2 * upper - 1).T)])
 
-    def slope(self, edge: Ints, weight: Floats) -> None:
-        """Load the slope, along the normal, of the displacement along the axis."""
-        self._load_gradient(self.axis, self.normal, edge, weight)
-
-    def tilt(self, edge: Ints, weight: Floats) -> None:
-        """Load the slope, along the axis, of the displacement along the normal."""
-        self._load_gradient(self.normal, self.axis, edge, weight)
-
-    def _load_gradient(self, component: int, along: int, edge: Ints, weight: Floats) -> None:
-        force = self.problem.force[component]
-        for face, sign, there in zip(*self._faces(component, along, edge), strict=True):
+    def load_slope(self, component: int, edge: Ints, weight: Floats) -> None:
+        """Load the slope that a displacement, along the axis or the normal, has along the other."""
+        force, (faces, body) = self.problem.force[component], self._faces(component, edge)
+        for face, there, sign in zip(faces, body, (-1.0, 1.0), strict=True):
             np.add.at(force, tuple(face.T), np.where(there, sign * weight, 0.0))
 
-    def _faces(
-        self, component: int, along: int, edge: Ints
-    ) -> tuple[list[Ints], tuple[float, float], list[Flags]]:
-        """Return a component's faces before and behind edges, their signs, and whether of body."""
+    def _faces(self, component: int, edge: Ints) -> tuple[list[Ints], list[Flags]]:
+        """Return a component's faces before and behind edges, and which are of the body."""
+        along = self.axis + self.normal - component
         kinds, faces = self.problem.kinds, [moved(edge, along, -1), edge]
         body = [
             (kinds[tuple(face.T)] >= 0) | (kinds[tuple(moved(face, component, -1).T)] >= 0)
             for face in faces
         ]
-        return faces, (-1.0, 1.0), body
+        return faces, body
 
     def free(self, component: int, edge: Ints) -> Flags:
         """Tell at which edges a component has faces before and behind that are free to move."""
-        along, states = self.axis + self.normal - component, self.problem.face_states[component]
-        faces, _, (before, behind) = self._faces(component, along, edge)
+        states = self.problem.face_states[component]
+        faces, (before, behind) = self._faces(component, edge)
         moves = [states[tuple(face.T)] == ACTIVE for face in faces]
         return np.asarray(before & behind & moves[0] & moves[1])
 
     def lift(self, edge: Ints, weight: Floats) -> None:
         """Load the slope along the normal at edges of the opposite side, also against a wall."""
-        self.slope(edge, weight)
-        before, behind = self._faces(self.axis, self.normal, edge)[2]
+        self.load_slope(self.axis, edge, weight)
+        before, behind = self._faces(self.axis, edge)[1]
         held = self.beyond(self.normal, 1 - self.upper) == RIGID
         pull = np.where(held, (1.0 * behind - before) * weight, 0.0)
         _bear(self, self.normal, 1 - self.upper, self.axis, -pull)
@@ -306,8 +298,8 @@ class _Couples(NamedTuple):
         lifts = ~turns.any(axis=0) & ((kind == RIGID) | (kind >= 0))
         for edge, turn in zip(edges, turns, strict=True):
             share = turn / np.maximum(2 * turns.sum(axis=0), 1) * self.moment
-            self.slope(edge, share)
-            self.tilt(edge, -share)
+            self.load_slope(self.axis, edge, share)
+            self.load_slope(self.normal, edge, -share)
             self.lift(edge, np.where(lifts, 0.5 * self.moment, 0.0))
         return np.where(lifts | turns.any(axis=0), 0.0, self.moment)
 
@@ -317,7 +309,8 @@ class _Couples(NamedTuple):
         rest = np.zeros_like(lost)
         rest[ended] = self.only(ended)._replace(moment=lost[ended]).make_up()
         for edge, runs_on in zip(self.edges(), running, strict=True):
-            self.tilt(edge, np.where(runs_on, -0.5 * self.moment - rest, 0.0))
+            load = np.where(runs_on, -0.5 * self.moment - rest, 0.0)
+            self.load_slope(self.normal, edge, load)
 
 
 def _push(problem: ElasticProblem, axis: int, upper: int, cells: Ints, value: Floats) -> None:
@@ -343,7 +336,7 @@ def _drag(problem: ElasticProblem, axis: int, side: int, cells: Ints, value: Flo
         _push(problem, axis, end, cells, np.where(held, 0.0, 0.5) * value)
     _bear(couples, normal, upper, axis, np.where(held, value, 0.0))
     for edge in couples.edges():
-        couples.slope(edge, np.where(inside, 0.5 * couples.moment, 0.0))
+        couples.load_slope(axis, edge, np.where(inside, 0.5 * couples.moment, 0.0))
     # Frictionless supports take no shear, like a free surface: the body carries all of it.
     _drag_surface(couples.only(np.isin(kind, (AIR, ROLLER, FOUNDATION))))
 
@@ -369,7 +362,7 @@ def _drag_surface(couples: _Couples) -> None:
         running.append(runs_on)
         # The force on the wall acts half a cell from it: one more couple.
         held, inner = couples.only(walled), far[end][walled]
-        before, behind = held._faces(axis, normal, inner)[2]
+        before, behind = held._faces(axis, inner)[1]
         there = (before & behind) | (held.beyond(normal, 1 - upper) == RIGID)
         held.lift(inner, np.where(there, -0.5 * held.moment, 0.0))
     couples.tilt_surface(running, lost)

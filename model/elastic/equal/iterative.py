@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import suppress
-from math import inf, log, sqrt
+from math import inf, log
 
 import numpy as np
 import scipy.sparse as sp
@@ -147,7 +147,7 @@ def _by_multigrid(
     def discretisation(run: Iteration) -> float:
         whole = system.energy(run.solution)
         potential = -0.5 * (dot(run.solution, system.right) + run.held_back)
-        return missed(coarser, potential - 0.5 * run.errors[0] ** 2 * whole, whole)
+        return missed(coarser - potential + 0.5 * run.errors[0] ** 2 * whole, whole)
 
     watch = _Watch(system, tolerance, discretisation)
     run = _iterate(system, hierarchy, x, watch)
@@ -159,7 +159,6 @@ def _by_multigrid(
             return _factorised(problem, watch.discretisation, notes[0])
         watch.patient = True
         run = _iterate(system, hierarchy, run.solution, watch, MOST)
-        run.converged = run.converged and not watch.slow
     run.converged = run.converged and not watch.slow
     solution = _of_multigrid(system, hierarchy, run, watch.discretisation)
     solution.notes += notes
@@ -210,7 +209,7 @@ class _Watch:
         residual = run.residual.reshape(self._system.problem.dimension, -1).sum(axis=1)
         unborne = (run.rate or 0.1) * np.abs(residual).max() / self._system.loads
         borne = unborne <= 0.01 * stated
-        if (run.errors[-1] <= target and borne) or run.at_rounding(1e-9):
+        if (run.errors[-1] <= target and borne) or run.at_rounding():
             self.slow = False
             return True
         # Stiff grains in a soft body take several iterations to be moved as a whole. Then the rate
@@ -252,9 +251,8 @@ def _by_mixed_form(
             more.converged = True  # as the first was: what is asked for here may not be reached
             run = more
     rough = mixed.block.rough(run.solution)
-    roughness = float(dot(rough, mixed.block.apply(rough)))
-    whole = system.energy(run.solution)
-    discretisation = sqrt(max(roughness / whole, 0.0)) if whole > 0 else 0.0
+    roughness = 0.5 * dot(rough, mixed.block.apply(rough))
+    discretisation = missed(roughness, system.energy(run.solution))
     if not run.converged and numbering.size <= DIRECT_LIMIT[problem.dimension]:
         return _factorised(problem, discretisation, "the mixed form did not converge")
     solution = system.solution(run, "mixed form", discretisation)

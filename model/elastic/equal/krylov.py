@@ -46,11 +46,11 @@ class Iteration:
             return 0.0
         return float((recent[-1] / recent[0]) ** (1 / (len(recent) - 1)))
 
-    def at_rounding(self, error: float = 1e-8) -> bool:
-        """Tell whether the residual has stopped falling, below an error, as no digits are left."""
+    def at_rounding(self) -> bool:
+        """Tell whether the residual has stopped falling as no digits are left."""
         recent = self.residuals
         stalled = len(recent) > 8 and min(recent[-4:]) > 0.5 * min(recent[:-4])
-        return stalled and self.errors[-1] < error
+        return stalled and self.errors[-1] < 1e-9
 
 
 def conjugate_gradients(

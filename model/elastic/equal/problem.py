@@ -33,13 +33,11 @@ ABSENT, FIXED, ACTIVE = 0, 1, 2
 class ElasticProblem:
     """A body on the staggered grid with its supports and loads, in scaled units."""
 
-    kinds: NDArray[
-        np.int32
-    ]  # Material's index, or AIR, RIGID, ROLLER, FOUNDATION; with ghost cells
+    # Material's index, or AIR, RIGID, ROLLER, FOUNDATION; with ghost cells
+    kinds: NDArray[np.int32]
     moduli: Moduli  # Scaled moduli, one entry per material
-    force: (
-        FaceFields  # External force on every face, scaled; one more than `kinds` along the normal
-    )
+    # External force on every face, scaled; one more than `kinds` along the normal
+    force: FaceFields
     fixed: FaceFields  # Displacement of the fixed faces, scaled (zero elsewhere)
     spring: FaceFields  # Stiffness of the foundation beneath each face, scaled
     # Shear stress that loads along the surface put on the edges, scaled

@@ -67,11 +67,9 @@ def ends(values: NDArray[Any], axis: int) -> tuple[NDArray[Any], NDArray[Any]]:
 def padded(values: NDArray[Any], axes: Iterable[int], fill: Any = None) -> NDArray[Any]:
     """Return values with one more before and behind along some axes: a fill, or as the last."""
     width = [(int(axis in axes),) * 2 for axis in range(values.ndim)]
-    return (
-        np.pad(values, width, "edge")
-        if fill is None
-        else np.pad(values, width, constant_values=fill)
-    )
+    if fill is None:
+        return np.pad(values, width, "edge")
+    return np.pad(values, width, constant_values=fill)
 
 
 def cell_modulus(problem: ElasticProblem, per_material: Floats) -> Floats:

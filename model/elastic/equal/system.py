@@ -155,6 +155,6 @@ def judge_rounding(system: System, solution: Solution, resisted: Floats, lost: f
         solution.notes.append(f"rounding leaves about {lost:.1g} of the loads unbalanced")
 
 
-def missed(coarser: float, potential: float, whole: float) -> float:
-    """Return the relative error of the parents' answer, by its potential energy."""
-    return sqrt(max(2 * (coarser - potential) / whole, 0.0)) if whole > 0.0 else 0.0
+def missed(energy: float, whole: float) -> float:
+    """Return the relative error of an answer by the energy it misses; `whole` is twice all."""
+    return sqrt(max(2.0 * energy / whole, 0.0)) if whole > 0.0 else 0.0

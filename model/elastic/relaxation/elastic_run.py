@@ -84,7 +84,9 @@ class PushLedger:
         np.add.at(resting, axes, left[: len(axes)])
         np.add.at(carried, table.support_axes, left[len(axes) :])
         turnover = float(np.abs(left).sum() + np.abs(table.load).sum())
-        return cls(table.applied, resting, carried, turnover)
+        force = table.problem.scales.force
+        applied = force * np.array([values.sum() for values in table.problem.force])
+        return cls(applied, resting, carried, turnover)
 
     @property
     def imbalance(self) -> float:

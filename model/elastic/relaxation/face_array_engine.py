@@ -30,11 +30,11 @@ class ArrayPushEngine(PushEngine):
         np.add.at(faces.left, passed.indices, amount)
         self._book(len(acting), 0.5 * float(yielded @ (before + faces.left[acting])))
 
-    def relax_in_turn(self, level: int, backward: bool) -> None:
-        """Let the agents of a level above γ act one after another: a Gauss-Seidel sweep."""
+    def relax_in_turn(self, level: int) -> None:
+        """Let the agents of a level above γ act in turn, and in turn backwards."""
         state = self.state
         step = state.generation + 1
-        self._book(*push_in_turn(backward, state.threshold, step, state.levels[level]))
+        self._book(*push_in_turn(state.threshold, step, state.levels[level]))
 
     def relax_largest(self, count: int) -> None:
         """Let the agent with the largest load act, `count` times or until none exceeds γ."""
@@ -63,12 +63,12 @@ def push(i, step, level):
 
 
 @njit(cache=True)
-def push_in_turn(backward, threshold, step, level):
-    """Let every agent above γ act in its turn; return pushes and the energy released."""
+def push_in_turn(threshold, step, level):
+    """Let agents above γ act in turn, and in turn back; return pushes and the energy released."""
     pushes, released = 0, 0.0
     n = len(level.stiffness)
-    for k in range(n):
-        i = n - 1 - k if backward else k
+    for k in range(2 * n):
+        i = min(k, 2 * n - 1 - k)
         if abs(level.left[i]) * level.weight[i] > threshold:
             released += push(i, step, level)
             pushes += 1

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from kaju.agents.face_agent import FaceAgent
 from kaju.arrays import Floats, Ints
-from kaju.model.elastic.relaxation.push_table import PushTable
+from kaju.model.elastic.relaxation.push_table import PushTable, inverse
 from kaju.stepping import Order
 
 
@@ -35,7 +35,7 @@ class LevelState(NamedTuple):
     displacement: Floats  # How far each face has moved (m); of parents, in their current visit
     taken: Floats  # Sum of the sizes of the loads (N) that each agent has taken
     spawn_step: Ints  # Step in which each agent spawned, 0 while there is none
-    weight: Floats  # By how much a load on a face counts against the threshold
+    weight: Floats  # √(k₀/k): by how much a load on a face counts against the threshold
 
     @property
     def measured(self) -> Floats:
@@ -52,12 +52,13 @@ class PushState:
     def __init__(self, table: PushTable) -> None:
         self.table, self.threshold = table, table.threshold
         self.levels = []
-        for number, level in enumerate(table.levels):
+        for level in table.levels:
             left = np.zeros(level.shares.shape[1])
             moved, taken = np.zeros(level.size), np.zeros(level.size)
             step = np.zeros(level.size, dtype=np.int64)
             row, target, share = level.shares.indptr, level.shares.indices, level.shares.data
-            carried = left, moved, taken, step, table.weight(number)
+            weight = np.sqrt(table.reference * inverse(level.stiffness))
+            carried = left, moved, taken, step, weight
             self.levels.append(LevelState(row, target, share, level.stiffness, *carried))
         self.levels[0].left[: len(table.load)] = table.load
         self.energy = 0.0
@@ -117,7 +118,6 @@ class PushEngine(ABC):
 
     def __init__(self, table: PushTable) -> None:
         self.table = table
-        self.reset()
 
     def reset(self) -> None:
         """Put the loads on the body, before any agent has yielded."""
@@ -135,8 +135,9 @@ class PushEngine(ABC):
         self.relax_together(0, acting, share * faces.left[acting])
 
     @abstractmethod
-    def relax_in_turn(self, level: int, backward: bool) -> None:
-        """Let the agents of a level above γ act one after another: a Gauss-Seidel sweep."""
+    def relax_in_turn(self, level: int) -> None:
+        """Let the agents of a level above γ act in turn, and in turn backwards."""
+        # Both sweeps together are symmetric Gauss-Seidel.
 
     @abstractmethod
     def relax_largest(self, count: int) -> None:
@@ -179,7 +180,7 @@ def multilevel(engine: PushEngine) -> Iterator[Visit]:
         faces = state.levels[0]
         start: Direction = faces.displacement.copy(), faces.left.copy()
         for level in upwards:
-            _sweep(engine, level)
+            engine.relax_in_turn(level)
             state.restrict(level)
             yield Visit(level, "up")
         upwards = range(top)
@@ -190,18 +191,12 @@ def multilevel(engine: PushEngine) -> Iterator[Visit]:
                     acting = np.flatnonzero(loads)
                     engine.relax_together(top, acting, loads[acting])
             else:
-                _sweep(engine, level)
+                engine.relax_in_turn(level)
             if level > 0:
                 state.prolong(level)
             else:
                 previous = _extrapolate(state, start, previous)
             yield Visit(level, "down")
-
-
-def _sweep(engine: PushEngine, level: int) -> None:
-    """Let the agents of a level act in turn, and in turn backwards: symmetric Gauss-Seidel."""
-    engine.relax_in_turn(level, False)
-    engine.relax_in_turn(level, True)
 
 
 def _extrapolate(state: PushState, start: Direction, previous: list[Direction]) -> list[Direction]:

@@ -157,16 +157,6 @@ class PushTable:
         faces = sum(level.size for level in self.levels)
         return tolerance * sqrt(self.reference / held / faces) * work
 
-    @property
-    def applied(self) -> Floats:
-        """Sum of the applied forces per axis (N)."""
-        total = np.array([float(f.sum()) for f in self.problem.force])
-        return np.asarray(total * self.problem.scales.force, dtype=np.float64)
-
-    def weight(self, level: int) -> Floats:
-        """Return √(k₀/k) per face: by how much its load counts; 0 for a parent without children."""
-        return np.asarray(np.sqrt(self.reference * inverse(self.levels[level].stiffness)))
-
     def positions(self, level: int) -> Floats:
         """Return where the faces of a level are (m), shape (faces, dimension)."""
         axis, index = self.levels[level].place
@@ -202,13 +192,6 @@ def face_indices(states: tuple[NDArray[np.int8], ...], wanted: int) -> tuple[Int
         axes.append(np.full(len(index), axis, dtype=np.int64))
         indices.append(index)
     return np.concatenate(axes), np.concatenate(indices)
-
-
-def cells_beside(axis: Ints, index: Ints) -> tuple[Ints, Ints]:
-    """Return the cells below and above faces along their normals."""
-    low = index.copy()
-    low[np.arange(len(axis)), axis] -= 1
-    return low, index
 
 
 def coarsen(fine: Numbering) -> tuple[Numbering, sp.csr_array]:

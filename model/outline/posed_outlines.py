@@ -25,7 +25,6 @@ from kaju.model.scene.regions import LoadRegion
 
 from . import true_shapes
 from .arc_triangles import CLOSE, ArcFrames, TouchError, keep_apart
-from .triangulation import NEAR
 from .true_shapes import AIR, KINK, RIGID, SLIGHT, TINY, UNIT, Law, TrueBody, TrueRegion, holding
 
 SIDES = {"left": (0, 0), "right": (0, 1), "bottom": (1, 0), "top": (1, 1)}
@@ -307,7 +306,8 @@ class OutlinedBody:
         law /= np.linalg.eigvalsh(softest.stiffness).min()
         # a strip of the stiff material that lies on a line but for rounding counts as the soft one
         # Coordinates are rounded; so is the law, which next to ν = 1/2 leaves few digits.
-        return float(1e-7 + NEAR * (contrast - 1.0) + 1e3 * np.finfo(np.float64).eps * law)
+        strip = true_shapes.NEAR * (contrast - 1.0)
+        return float(1e-7 + strip + 1e3 * np.finfo(np.float64).eps * law)
 
     @property
     def no_bound(self) -> str:

@@ -20,12 +20,12 @@ from . import arc_triangles
 from .arc_triangles import CLOSE, ArcFrames, TouchError, angle, halved, kept_apart
 
 TINY = 1e-9  # angles, and shares of a leaf, a shape or all forces, that are rounding if less
+NEAR = 3e-9  # points nearer than this (in edges of the first agents) are one, or on a line
 GRID = 2.0**32  # corners of polygons are whole multiples of 1 / GRID edges of the first agents
 DEPTH = 16  # how often a first agent can be halved
 UNIT = 2.0**-DEPTH  # in which agents are counted, in edges of the first ones
 SHARE = 0.7
 """Of a leaf its arcs may be long. With 1 a ring takes 1.4 times as long to 0.01, with 0.25 1.6."""
-AT_ONCE = 1_000_000  # numbers, of 8 MB
 
 
 def first_leaves(shape: tuple[int, int]) -> LeafCells:
@@ -270,15 +270,14 @@ class TrueRegion:
                 yield np.round(at, 9) + 0.0, way
 
     def part_of(self, other: TrueRegion) -> float:
-        """Return 1 if it holds all of another region, 0 if nothing, and else 1/2."""
+        """Return 1 if it holds all of another region, 0 if nothing, and else a share between."""
         frames, others = ArcFrames(self.arcs), ArcFrames(other.arcs)
         if len(arc_triangles.overlapping(frames.triangles, others.triangles, CLOSE)[0]):
             return 0.5
         own, its = ([ArcFrames(line.arcs).start for line in one.lines] for one in (self, other))
-        held = holding([own], np.array([line[0] for line in its]))
         if holding([its], np.array([line[0] for line in own])).any():
             return 0.5
-        return float(held.all()) if held.all() or not held.any() else 0.5
+        return float(holding([own], np.array([line[0] for line in its])).mean())
 
 
 def holding(rings: list[list[Floats]], points: Floats) -> Flags:

@@ -424,6 +424,9 @@ class HistoryTable(Described):
         return history
 
 
+_BUILT_HISTORY = built_by(HistoryTable, History, "a table of times and factors, or of steps")
+
+
 def _after(history: History, step: dict[str, Any], where: str) -> History:
     """Return a history that goes on with a step, such as ``{ramp = 1.0, duration = 0.2}``."""
     words = [word for word in _STEPS if word in step]
@@ -509,13 +512,7 @@ class Description(Described):
     # added; otherwise every step begins with a body in which nobody is awake.
     loading: Literal["afresh", "continue"] = "afresh"
     rule: Annotated[Rule, PlainValidator(_rule_from)] = PrescribedRule()
-    history: (
-        Annotated[
-            History,
-            built_by(HistoryTable, History, "a table of times and factors, or of steps"),
-        ]
-        | None
-    ) = None
+    history: Annotated[History, _BUILT_HISTORY] | None = None
 
     @model_validator(mode="before")
     @classmethod

@@ -84,20 +84,17 @@ def slender_cell(problem: ElasticProblem) -> tuple[int, ...] | None:
         return None
     d = problem.dimension
     states = problem.face_states
-    solid = problem.kinds >= 0
+    solid, rigid = problem.kinds >= 0, problem.kinds == RIGID
     edges = {pair: edge_modulus(problem, pair) > 0 for pair in axis_pairs(d)}
     for axis in range(d):
         low, high = cut(d, axis, slice(None, -1)), cut(d, axis, slice(1, None))
-        both = (solid[low] & (solid | (problem.kinds == RIGID))[high]) | (
-            solid[high] & (problem.kinds == RIGID)[low]
-        )
+        both = (solid[low] & (solid | rigid)[high]) | (solid[high] & rigid[low])
         for across in range(d):
             if across == axis:
                 continue
             stiff = edges[min(axis, across), max(axis, across)][cut(d, axis, slice(1, -1))]
             carries = np.logical_or(*ends(stiff, across))
-            pinned = np.logical_or(*ends(states[across] != ACTIVE, across))
-            pinned |= problem.kinds == RIGID
+            pinned = np.logical_or(*ends(states[across] != ACTIVE, across)) | rigid
             loose = both & ~carries & ~(pinned[low] & pinned[high])
             if loose.any():
                 # A rigid ghost before the first cell is no cell of the body.

@@ -190,8 +190,16 @@ class ElasticModel(SteppedModel):
 
     def hand_over(self, sender: FaceAgent, target: int, load: float) -> None:
         """Hand a load (N) to another face of the same level, or to a support."""
-        assert isinstance(self.engine, AgentPushEngine)
-        self.engine.hand_over(sender, target, load)
+        engine, left = self.engine, self.state.levels[sender.level].left
+        assert isinstance(engine, AgentPushEngine)
+        if engine.own and not (is_number(load) and target in range(len(left))):
+            over = f"hands over {brief(load)} N to {brief(target)}"
+            what = f"{over}; its neighbours are `place.links`"
+            raise engine.guard.wrong(sender, "hand_over", what)
+        if engine.outbox is not None:  # until all agents of a wave have acted
+            engine.outbox.append((target, load))
+        else:
+            left[target] += load
 
     def step(self) -> None:
         """Let one wave pass, one agent act, or the agents of one level take turns."""
@@ -411,18 +419,6 @@ class AgentPushEngine(PushEngine):
         if self.own and not (isfinite(agent.left) and isfinite(agent.displacement)):
             what = f"has left {agent.left} N and moved by {agent.displacement} m"
             raise self.guard.wrong(agent, "take", what)
-
-    def hand_over(self, sender: FaceAgent, target: int, load: float) -> None:
-        """Bring a load to a face or support: at once, or when all agents of a wave have acted."""
-        left = self.state.levels[sender.level].left
-        if self.own and not (is_number(load) and target in range(len(left))):
-            over = f"hands over {brief(load)} N to {brief(target)}"
-            what = f"{over}; its neighbours are `place.links`"
-            raise self.guard.wrong(sender, "hand_over", what)
-        if self.outbox is not None:
-            self.outbox.append((target, load))
-        else:
-            left[target] += load
 
     def agent(self, level: int, number: int) -> FaceAgent:
         """Return the agent of a face; it spawns if there is none yet."""

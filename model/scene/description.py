@@ -293,12 +293,8 @@ class MaterialTable(Described):
         return Material(name="", **given)
 
 
-MaterialEntry = Annotated[
-    Material,
-    built_by(
-        MaterialTable, Material, "a table of youngs_modulus, poissons_ratio, ... or a Material"
-    ),
-]
+_MATERIAL_FORMS = "a table of youngs_modulus, poissons_ratio, ... or a Material"
+MaterialEntry = Annotated[Material, built_by(MaterialTable, Material, _MATERIAL_FORMS)]
 
 
 def with_shared(table: dict[str, Any], folder: Path) -> dict[str, Any]:

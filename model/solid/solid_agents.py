@@ -29,7 +29,6 @@ FRACTIONS = (
     "true outlines: cells count by the share of them that is body, which is an estimate and proves "
     "nothing; stress and displacement of cut cells are means over all of each"
 )
-NO_BOUND = "in space there are no bounds within true outlines"
 EMPTY, CUT, WHOLE = 0, 1, 2
 PARTS = 4  # parts of a cut cell along every axis, on whose tetrahedra the level is taken as linear
 _PATHS = np.array(
@@ -46,7 +45,7 @@ class SolidAgents(CellAgents):
     """Agents of one size, whole or cut by outlines."""
 
     storage: ClassVar[Literal["cells", "solid"]] = "solid"
-    no_bound: ClassVar[str] = NO_BOUND
+    no_bound: ClassVar[str] = "in space there are no bounds within true outlines"
 
     def _posed(self) -> Grid:
         """Return the grid of a stored answer."""

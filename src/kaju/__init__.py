@@ -74,12 +74,8 @@ if TYPE_CHECKING:
     from kaju.view.page.export import export_page as export_page
     from kaju.view.plots import plot as plot
 
-_HOME = {
-    name: module
-    for module, name in re.findall(
-        r"^    from (\S+) import (\w+) as", Path(__file__).read_text("utf-8"), re.M
-    )
-}
+_LISTED = re.findall(r"^    from (\S+) import (\w+) as", Path(__file__).read_text("utf-8"), re.M)
+_HOME = {name: module for module, name in _LISTED}
 
 __all__ = sorted([*_HOME, "__version__"])
 

@@ -16,7 +16,7 @@ from kaju.stepping import interrupt_requested
 
 from .direct import DIRECT_LIMIT, by_factors
 from .hierarchy import Hierarchy
-from .krylov import Iteration, conjugate_gradients, dot
+from .krylov import Iteration, conjugate_gradients, dot, rate_of
 from .problem import ElasticProblem, FaceFields, without_pressure
 from .staggered import Numbering, strain_matrix
 from .system import NOTEWORTHY, Solution, System, judge_rounding, missed
@@ -207,16 +207,16 @@ class _Watch:
         # Supports are to bear the loads, to a hundredth of the error that is stated, after a last
         # correction that leaves a tenth where no rate is known yet.
         residual = run.residual.reshape(self._system.problem.dimension, -1).sum(axis=1)
-        unborne = (run.rate or 0.1) * np.abs(residual).max() / self._system.loads
+        rate = rate_of(run.residuals[-6:]) or 0.1
+        unborne = rate * np.abs(residual).max() / self._system.loads
         borne = unborne <= 0.01 * stated
         if (run.errors[-1] <= target and borne) or run.at_rounding():
             self.slow = False
             return True
         # Stiff grains in a soft body take several iterations to be moved as a whole. Then the rate
         # tells how many more: if they are too many, factors are taken.
-        recent = run.errors[-16:]
         if run.iterations >= 16 and not self.patient:
-            rate = (recent[-1] / recent[0]) ** (1 / (len(recent) - 1))
+            rate = rate_of(run.errors[-16:])
             more = log(target / run.errors[-1]) / log(rate) if 0 < rate < 1 else inf
             self.slow = run.iterations + more > 60
         return self.slow and not self.patient

@@ -38,19 +38,18 @@ class Iteration:
         """Number of preconditioner applications after the start."""
         return max(len(self.residuals) - 1, 0)
 
-    @property
-    def rate(self) -> float:
-        """Mean factor per iteration over the last five."""
-        recent = self.residuals[-6:]
-        if len(recent) < 2 or recent[0] <= 0:
-            return 0.0
-        return float((recent[-1] / recent[0]) ** (1 / (len(recent) - 1)))
-
     def at_rounding(self) -> bool:
         """Tell whether the residual has stopped falling as no digits are left."""
         recent = self.residuals
         stalled = len(recent) > 8 and min(recent[-4:]) > 0.5 * min(recent[:-4])
         return stalled and self.errors[-1] < 1e-9
+
+
+def rate_of(values: list[float]) -> float:
+    """Return the mean factor from each value to the next; 0 if there is none."""
+    if len(values) < 2 or values[0] <= 0.0:
+        return 0.0
+    return float((values[-1] / values[0]) ** (1 / (len(values) - 1)))
 
 
 def conjugate_gradients(

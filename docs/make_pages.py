@@ -80,7 +80,8 @@ def _page_question(of: Lesson, number: int) -> dict[str, Any]:
     }
     told |= {name: kind[name] for name in ("until", "lines", "draws", "recalls") if name in kind}
     if "answers" in kind:
-        told["rounds"] = "rounded" in str(asked["en"])  # it says itself how
+        said = asked["en"].asks + asked["en"].note + str(asked["en"].fields)
+        told["rounds"] = "rounded" in said  # it says itself how
         if not any(re.search(r"\b(p\[|ready\(|with_\()", each) for each in kind["answers"]):
             told["marked"] = told["show"]["preset"]  # all its numbers are of this body
         told["fields"] = [

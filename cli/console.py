@@ -62,6 +62,13 @@ MEANINGS = {
 }
 """What key figures mean, if their names do not say it."""
 
+GOAL_MEANINGS = {
+    "error_bound": "the true error is not larger: proved",
+    "error_estimate": "of the arithmetic, not of how the part is held and loaded",
+    "relative_error": "a share: 0.05 is 5 %; of a vector, of its length",
+}
+"""What key figures of a goal mean."""
+
 NAMES = {
     "spectral_radius": "growth_if_added_up",
     "seconds": "time_taken",
@@ -95,14 +102,16 @@ class Console:
             typer.echo(json.dumps(summary, indent=2, allow_nan=False))
         rows = [*_rows(summary)]
         width = max([28, *(len(name) for name, _, _ in rows)])
+        notes = [f"  note: {note}" for note in summary.get("notes", ())]
+        self.say(*(note for note in notes if "?" in note))
         for name, text, meaning in rows:
             self.say(f"  {name:{width}} {text.replace('_', ' '):12}  {meaning}".rstrip())
-        self.say(*(f"  note: {note}" for note in summary.get("notes", ())))
+        self.say(*(note for note in notes if "?" not in note))
 
 
 def _rows(summary: Mapping[str, Any]) -> Iterator[tuple[str, str, str]]:
-    """Yield key figures as people read them, with what they mean, if they are known."""
-    for key, value in summary.items():
+    """Yield key figures as people read them, goals first, with what they mean, if it is known."""
+    for key, value in sorted(summary.items(), key=lambda item: item[0] != "goals"):
         # Of a goal its own error counts, and of an answer with a bound the bound.
         other = "goals" in summary or value == summary.get("error_bound")
         if key in SAID or value is None or (key == "error_estimate" and other):
@@ -121,12 +130,13 @@ def _rows(summary: Mapping[str, Any]) -> Iterator[tuple[str, str, str]]:
             for number, entry in enumerate(value, start=1):
                 told = {k.removesuffix("_m"): v for k, v in entry.items() if v is not None}
                 own, units = told.pop("unit", ""), {"at": "m", "relative_error": ""}
-                parts = [
-                    f"{k} {text_of(v, units.get(k, own), named=True)}" for k, v in told.items()
-                ]
-                if isinstance(entry.get("value"), list):
-                    parts.append("errors are of the vector, relative to its length")
-                yield f"{name} {number}", ", ".join(parts), ""
+                called = f"{name} {number}" if len(value) > 1 else name
+                if "error_bound" in told:
+                    del told["error_estimate"]
+                yield called, told.pop("quantity"), meaning
+                for k, v in told.items():
+                    text = text_of(v, units.get(k, own), named=True)
+                    yield f"{called} {k.replace('_', ' ')}", text, GOAL_MEANINGS.get(k, "")
         else:
             yield name, text_of(value, unit), meaning
 

@@ -170,6 +170,9 @@ def draw_body(
         style.add_polygons(ax, corners, f"material {material.name}", **look)
         entries.append(Patch(fc=colour, ec="#9a9a9a", hatch=hatch, label=material.name))
     entries += _draw_supports(ax, section, tiles, kind)
+    if section.curves is not None and np.isfinite(pins := section.curves.pins).any():
+        look = {"color": INK, "mec": "white", "mew": 1.2, "ms": 6, "zorder": 9}
+        entries += ax.plot(*pins.T, "o", label="pin, about which it turns", **look)
     if outlined:
         for lines, width in zip(section.outlines(), (0.9, 0.6), strict=True):
             ax.add_collection(LineCollection(list(lines), colors=INK, linewidths=width, zorder=4))

@@ -8,7 +8,6 @@ from math import hypot, inf, isfinite
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.colors import Normalize
@@ -26,7 +25,7 @@ from .charts import applied_loads, from_end, moment_text
 from .films import PER_SECOND, Film
 from .layers import OUTLINED, layer_of, squares_of, usual_top
 from .section import Cut, Section, check_number, check_word, section_of
-from .style import BODY, FAINT, SIZE, add_polygons, colour_bar
+from .style import FAINT, SIZE, add_polygons, colour_bar
 from .units import quantity, times, visible
 
 if TYPE_CHECKING:
@@ -147,7 +146,7 @@ def draw_deformed(
 ) -> tuple[BodyPicture, str]:
     """Draw a deformed body over itself at rest, dashed; return also the magnification in words.
 
-    `largest`: where the colours end; tiles of next to nothing stay light.
+    `largest`: where the colours end.
     """
     check_magnification(magnification)
     factor = magnification or magnification_for(section, tiles)
@@ -157,13 +156,13 @@ def draw_deformed(
     surface, _ = section.outlines()
     picture.ax.add_collection(LineCollection(list(surface), gid="at rest", **rest))
     picture.entries.append(Line2D([], [], color=FAINT, lw=0.7, ls="--", label="outline at rest"))
-    large, still = tiles.edge > section.span / OUTLINED, 1e-4 * tiles.value.max(initial=0.0)
+    large = tiles.edge > section.span / OUTLINED
     drawn = add_polygons(
         picture.ax,
         tiles.rest + factor * tiles.moved,
         "moved",
-        array=np.ma.masked_less_equal(tiles.value, still),
-        cmap=colormaps[SIZE].with_extremes(bad=BODY[0]),
+        array=tiles.value,
+        cmap=SIZE,
         norm=Normalize(0.0, most or 1.0),
         edgecolors="#8a8a8a",
         linewidths=np.where(large, 0.4, 0.0),

@@ -51,7 +51,8 @@ def layer_of(result: ElasticResult, cut: Cut = None, crop: bool | None = None) -
         return replace(section, place=place, tiled=False)
     lines = found.opinions.along if len(result.scene.cell_materials) > 1 else [np.empty((0, 2, 2))]
     joints = found.ground.edge * np.concatenate(lines)
-    curves = TrueLines(rings_of(found), joints, arrows_of(found), result.scene)
+    pins = found.ground.edge * found.ground.pivots
+    curves = TrueLines(rings_of(found), joints, arrows_of(found), result.scene, pins)
     return replace(section, place=place, tiled=False, curves=curves)
 
 

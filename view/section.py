@@ -83,6 +83,7 @@ class TrueLines(NamedTuple):
     joints: Floats  # lines (m) along which materials meet, shape (n, 2, 2)
     arrows: Arrows
     asked: Scene  # the body that was described, with its loads
+    pins: Floats  # the points (m) about which pinned regions turn; NaN of others, shape (n, 2)
 
     def clip(self, drawn: PolyCollection, factor: float = 0.0) -> None:
         """Show of what is drawn what lies within the body, moved times a factor."""

@@ -256,7 +256,7 @@ class Scene(Description):
     @property
     def _of_files(self) -> Iterator[str]:
         """Which shapes of files reach beyond the array, or name no unit, in words."""
-        size, cell = np.array(self.lattice.extent), self.lattice.cell_size
+        size, cell, in_pixels = np.array(self.lattice.extent), self.lattice.cell_size, False
         for number, filled in enumerate(self._resolved.regions):
             shape, where, told = filled.shape, f"body.regions.{number}", ""
             (low, high), surface = shape.extent, isinstance(shape, ClosedSurface)
@@ -268,7 +268,8 @@ class Scene(Description):
                 told = "what lies beyond is cut off" + surface * "; offset = [x, y, z] (m) moves it"
             if told:
                 yield f"{where}: {reach_of(shape, self.lattice, told)}"
-            elif isinstance(shape, PathShape) and shape.in_pixels:
+            elif isinstance(shape, PathShape) and shape.in_pixels and not in_pixels:
+                in_pixels = True  # said once for all
                 yield f"{where}.path: {PIXELS}"
 
     @contextmanager

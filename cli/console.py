@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from kaju.errors import ResultFileError
-from kaju.files import check_writable, hidden_folder, is_there, move_into_place
+from kaju.files import check_writable, hidden_folder, is_there
 from kaju.view import PICTURES
 from kaju.view.units import grouped, quantity
 
@@ -43,6 +43,9 @@ MEANINGS = {
     "error_estimate": "a share, in the energy norm: 0.05 is 5 %",
     "free_boundary_agents": "in the air, which hands loads back as they came",
     "generations": "rounds in which agents acted; if they spawned, pages call the first one 0",
+    "goal_error_bound": "the true error is not larger: proved",
+    "goal_error_estimate": "of the arithmetic, not of how the part is held and loaded",
+    "goal_relative_error": "a share: 0.05 is 5 %; of a vector, of its length",
     "grey": "0: every cell is full or empty; 1: all are half full",
     "largest_change": "of a density, in the last step",
     "largest_hoop_stress_Pa": "the largest by amount along that outline; below 0 it is pressed",
@@ -61,13 +64,6 @@ MEANINGS = {
     "tolerance_kept": "of the goal or the energy norm, not of the stresses above",
 }
 """What key figures mean, if their names do not say it."""
-
-GOAL_MEANINGS = {
-    "error_bound": "the true error is not larger: proved",
-    "error_estimate": "of the arithmetic, not of how the part is held and loaded",
-    "relative_error": "a share: 0.05 is 5 %; of a vector, of its length",
-}
-"""What key figures of a goal mean."""
 
 NAMES = {
     "spectral_radius": "growth_if_added_up",
@@ -136,7 +132,7 @@ def _rows(summary: Mapping[str, Any]) -> Iterator[tuple[str, str, str]]:
                 yield called, told.pop("quantity"), meaning
                 for k, v in told.items():
                     text = text_of(v, units.get(k, own), named=True)
-                    yield f"{called} {k.replace('_', ' ')}", text, GOAL_MEANINGS.get(k, "")
+                    yield f"{called} {k.replace('_', ' ')}", text, MEANINGS.get(f"goal_{k}", "")
         else:
             yield name, text_of(value, unit), meaning
 
@@ -188,7 +184,7 @@ class Folder:
                 for name in {"summary.json", "result.npz", *PICTURES}.difference(names):
                     (self.path / name).unlink(missing_ok=True)
             else:
-                move_into_place(scratch, self.path)
+                scratch.replace(self.path.resolve())  # refused where it is not empty
         return [self.path / name for name in names]
 
     def write(self, result: Result, pictures: str) -> list[Path]:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from kaju import __version__
 from kaju.arrays import Floats, Ints
 from kaju.errors import ParameterError, ResultFileError, needing
-from kaju.files import atomic_file, hidden_folder, move_into_place
+from kaju.files import atomic_file, hidden_folder
 from kaju.model.results.archive import answer_of
 from kaju.model.results.mesh import CUBE_FACES
 from kaju.model.results.result import Result
@@ -180,7 +180,7 @@ def new_folder(target: Path) -> Iterator[Path]:
         raise ResultFileError(f"{target}: is there already; take another name, or remove it")
     with hidden_folder(target, ResultFileError) as scratch:
         yield scratch
-        move_into_place(scratch, target)
+        scratch.replace(target.resolve())  # refused where it is not empty
 
 
 def _chosen(known: Mapping[str, str], what: str | None) -> Any:

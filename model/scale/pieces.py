@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from kaju import errors
 from kaju.arrays import Flags, Floats, Ints
 from kaju.errors import KajuError, ParameterError, ResultError, ResultFileError, SupportError
-from kaju.files import hidden_folder, move_into_place
+from kaju.files import hidden_folder
 from kaju.model.elastic.equal import fields
 from kaju.model.results.archive import Stored, reading
 from kaju.model.results.result import BodyResult, in_columns
@@ -182,7 +182,7 @@ class PiecedResult(BodyResult):
         try:
             (place / "result.xdmf").write_text(_index(place, boxes, self.grid), encoding="utf-8")
             Whole(self.scene, self.stage, self.figures, boxes).save(place / SCENE)
-            move_into_place(place, target)
+            place.replace(target.resolve())  # refused where it is not empty
         except OSError as error:
             raise ResultFileError(f"{target}: cannot be written: {error}") from error
 

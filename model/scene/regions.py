@@ -74,9 +74,7 @@ class RegionImage(Described):
     """The dark part of an image, stretched over a box or over the whole array."""
 
     file: Text = Field(description="the path of an image, such as 'hole.png'")  # or .npy
-    box: tuple[Point, Point] | None = optional(
-        "the lower and the upper corner (m) that the image fills"
-    )
+    box: tuple[Point, Point] | None = optional("the lower and the upper corner (m) that it fills")
     level: Number = Field(default=0.5, description="how dark a place must be, from 0 to 1")
     # Bilinear between the middles of pixels; or how large a number, between samples of an array, of
     # which the outer ones lie on the sides of the box.
@@ -96,9 +94,7 @@ class RegionImage(Described):
         elif file.lower().endswith((".tif", ".tiff")):
             values = read_layers(file, key)
         else:
-            raise SceneError(
-                f"{key}: pixels belong to two dimensions; give a TIFF of layers, or an .npy array"
-            )
+            raise SceneError(f"{key}: one image is plane; give a TIFF of layers, or an .npy array")
         return SampledShape(box, checked(values, key, lattice.dimension), self.level, middles)
 
 
@@ -137,9 +133,7 @@ class _Shaped(Described):
             raise SceneError(f"{where}: belongs to three dimensions; use disk or box")
         if name in _IN_PLANE and lattice.dimension == 3:
             names = [n for n in _SHAPES if n in type(self).model_fields and n not in _IN_PLANE]
-            raise SceneError(
-                f"{where}: belongs to two dimensions; use {', '.join(names[:-1])} or {names[-1]}"
-            )
+            raise SceneError(f"{where}: belongs to two dimensions; use one of {', '.join(names)}")
         if name == "path":
             return path_in(given, where)
         if name == "surface":

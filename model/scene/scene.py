@@ -256,7 +256,10 @@ class Scene(Description):
     @property
     def _of_files(self) -> Iterator[str]:
         """Which shapes of files reach beyond the array, or name no unit, in words."""
-        size, cell, in_pixels = np.array(self.lattice.extent), self.lattice.cell_size, False
+        size, cell = np.array(self.lattice.extent), self.lattice.cell_size
+        plain = [getattr(one.shape, "in_pixels", False) for one in self._resolved.regions]
+        if any(plain):
+            yield f"body.regions.{plain.index(True)}.path: {PIXELS}"
         for number, filled in enumerate(self._resolved.regions):
             shape, where, told = filled.shape, f"body.regions.{number}", ""
             (low, high), surface = shape.extent, isinstance(shape, ClosedSurface)
@@ -266,11 +269,8 @@ class Scene(Description):
                 told = "is it in mm? give scale = 0.001"
             elif beyond and (surface or drawing) and filled.kind != cell_types.AIR:
                 told = "what lies beyond is cut off" + surface * "; offset = [x, y, z] (m) moves it"
-            if told:
+            if told and not plain[number]:
                 yield f"{where}: {reach_of(shape, self.lattice, told)}"
-            elif isinstance(shape, PathShape) and shape.in_pixels and not in_pixels:
-                in_pixels = True  # said once for all
-                yield f"{where}.path: {PIXELS}"
 
     @contextmanager
     def misplaced(self) -> Iterator[None]:
@@ -357,8 +357,7 @@ class Scene(Description):
         """
         picture = self._of_cells.picture
         body = _refined_body(self, picture, k)
-        names = picture.names if picture else ()
-        legend = {str(code): name for code, name in enumerate(names)}
+        legend = {str(code): name for code, name in enumerate(picture.names if picture else ())}
         bare = self.replace(body=body, legend=legend, loads=())
         return bare.replace(loads=tuple(_refined_loads(self, bare.kinds, int(k))))
 

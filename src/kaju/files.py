@@ -95,11 +95,6 @@ def hidden_folder(target: Path, error: type[KajuError]) -> Iterator[Path]:
             shutil.rmtree(scratch, ignore_errors=True)
 
 
-def move_into_place(scratch: Path, target: Path) -> None:
-    """Give a whole folder its name in one step; there must be nothing but an empty folder."""
-    scratch.replace(os.path.realpath(target))  # the system refuses one that is not empty
-
-
 def check_writable(target: Path, error: type[KajuError]) -> None:
     """Refuse a place where nothing can be written, before anything is computed for it."""
     above = next(folder for folder in target.absolute().parents if is_there(folder))

@@ -15,6 +15,7 @@ _FIELDS = {
     name: f"view.maps:plot_{name}" for name in ("displacement", "strain", "stress", "von_mises")
 }
 _SCENE = {"scene": "view.plots:plot_scene"}
+_CURVES = "view.charts:plot_curves"
 _CREPT = {"curves": "view.charts:plot_curves_in_time"}
 _IN_TIME = {"times": "view.deformed:TIMES", "curves": "view.charts:IN_TIME"}
 NOTEBOOK = "view.page.export:html_of"
@@ -71,7 +72,7 @@ KINDS = {
         pictures={
             "agents": "view.face_agents:plot_face_agents",
             "left": "view.face_agents:plot_left",
-            "curves": "view.charts:plot_curves",
+            "curves": _CURVES,
             "deformed": "view.deformed:plot_deformed",
             **_FIELDS,
             "cuts": "view.charts:plot_cuts",
@@ -83,10 +84,7 @@ KINDS = {
     "elasticity in pieces": Kind("model.scale.pieces:PiecedResult", _SCENE),  # ParaView draws it
     "spring network": Kind(
         "model.network.network_result:NetworkResult",
-        pictures={
-            "deformed": "view.network_plots:plot_network",
-            "response": "view.charts:plot_curves",
-        },
+        pictures={"deformed": "view.network_plots:plot_network", "response": _CURVES},
         films={"increments": "view.network_plots:INCREMENTS"},
         meshes={"increments": "view.motion:network"},
         page="view.motion:network",
@@ -95,7 +93,7 @@ KINDS = {
         "model.fracture.fracture_result:FractureResult",
         pictures={
             "crack": "view.fracture_plots:plot_crack",
-            "response": "view.charts:plot_curves",
+            "response": _CURVES,
             "avalanches": "view.fracture_plots:plot_avalanches",
         },
         films={"breaks": "view.fracture_plots:BREAKS"},
@@ -103,10 +101,7 @@ KINDS = {
     ),
     "growth": Kind(
         "model.growth.growth_result:GrowthResult",
-        pictures={
-            "design": "view.fracture_plots:plot_design",
-            "history": "view.charts:plot_curves",
-        },
+        pictures={"design": "view.fracture_plots:plot_design", "history": _CURVES},
         films={"steps": "view.fracture_plots:STEPS"},
         page="view.motion:growth_steps",
     ),

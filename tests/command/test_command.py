@@ -63,6 +63,7 @@ def test_results_are_not_overwritten_unless_forced(kaju):
     (["check", PLATE, *ROLLER], "plate.toml: line 15: sides: the supports do not hold"),
     ([*LUG, '{"box": [[0, 0], [1, 1]]}'], "goal: {'box': [[0, 0], [1, 1]]}: within true"),
     ([*LUG, "0.1,0.1"], "read it by answer.value_of (not proved)"),
+    ([*LUG, "bore,misses"], "(did you mean 'bore,von_mises'?)"),
     (["animate", PLATE], "is a scene; run it first"),
     (["animate", "nothing.npz"], "cannot be read: No such file"),
 ])  # fmt: skip
@@ -110,8 +111,14 @@ def test_figures_are_printed_once_without_rounding_and_apart_from_quoted_names(k
     assert " reaction bottom              0 N, 2 N " in out
     assert "error bound" in out
     assert "error estimate" not in out
-    Console().figures({"largest_hoop_stress_Pa": {"upper bolt": -1.717e7}, "agents": 5})
-    first, second = capsys.readouterr().out.splitlines()
+    goal = {"quantity": "hoop stress at eye", "value": 2e6, "unit": "Pa", "at_m": [0.1, 0.2]}
+    goal |= {"error_estimate": 2e4, "relative_error": 0.01, "error_bound": None}
+    told = {"largest_hoop_stress_Pa": {"upper bolt": -1.717e7}, "agents": 5, "goals": [goal]}
+    Console().figures(told | {"notes": ["a fact", "is it meant so?"]})
+    asked, *of_goal, first, second, fact = capsys.readouterr().out.splitlines()
+    assert (asked, fact) == ("  note: is it meant so?", "  note: a fact")
+    heads = "goal", "goal value", "goal at", "goal error estimate", "goal relative error"
+    assert [line[2:30].strip() for line in of_goal] == [*heads]
     assert first.startswith("  largest hoop stress 'upper bolt' −17.17 MPa")
     assert first.index("−") == second.index("5")
 

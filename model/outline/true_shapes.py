@@ -141,10 +141,12 @@ class ClosedLine:
         return snapped(start[on_border(box, start)])
 
     def _part(self, box: Floats, margin: float) -> None:
-        """Part its arcs at the lines of a box, if they go on by more than a margin."""
+        """Part its arcs at the lines of a box, if curves go on by more than a margin."""
         for axis, level in ((a, level) for a in (0, 1) for level in box[:, a].tolist()):
             at, parts = self.arcs[..., axis] / self.arcs[..., 2], list[Floats]()
-            through = (at.min(axis=1) < level - margin) & (at.max(axis=1) > level + margin)
+            # what is straight may run along a line, but for rounding
+            off = np.where(ArcFrames(self.arcs).turn == 0.0, CLOSE, margin)
+            through = (at.min(axis=1) < level - off) & (at.max(axis=1) > level + off)
             for arc, cut in zip(self.arcs, through, strict=True):
                 parts += _parted_on(arc, axis, level) if cut else [arc]
             self.arcs = np.array(parts)

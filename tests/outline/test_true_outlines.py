@@ -505,3 +505,14 @@ def test_a_roller_bears_a_pushed_hole_on_either_side() -> None:
         assert answer.reactions["bottom"][1] == pytest.approx(500.0)
         energies.append(answer.strain_energy)
     assert energies[0] == pytest.approx(energies[1], rel=0.002)
+
+
+def test_a_bracket_drawn_along_the_sides_is_loaded_by_part_of_its_edge() -> None:
+    # 0.14 m in 7 cells: in cells the line along the side is off it by rounding.
+    path = "M 0 0 H 0.16 V 0.03 H 0.04 A 0.01 0.01 0 0 0 0.03 0.04 V 0.14 H 0 Z"
+    part = {"path": path, "material": "steel", "outline": "true"}
+    body = {"size": [0.16, 0.14], "cells": [8, 7], "material": "air", "regions": [part]}
+    foot = boxed(0.12, 0.03, 0.16, 0.03, force=[0.0, -1000.0])
+    answer = kaju.solve(kaju.Scene(body=body, sides={"top": "rigid"}, loads=[foot]), 0.1)
+    assert answer.reactions["top"] == pytest.approx([0.0, 1000.0], abs=1e-6)
+    assert answer.couples["top"] == pytest.approx(125.0)  # 1000 N, 0.14 m less 0.015 m away

@@ -113,7 +113,7 @@ class ClosedLine:
     def __init__(self, arcs: Floats, extent: Point):
         self.arcs, self.boxes = arcs, list[Floats]()
         # where arcs meet the sides of the array both polygons do so too
-        self._part(np.array([[0.0, 0.0], extent]), 0.0)
+        self._part(np.array([[0.0, 0.0], extent]))
         self.arcs = arc_triangles.in_triangles(self.arcs)
         if area_of(ArcFrames(self.arcs).start) < 0.0:
             self.arcs = self.arcs[::-1, ::-1]
@@ -136,17 +136,15 @@ class ClosedLine:
         self.boxes.append(box)
         for axis in (0, 1):
             self.arcs = self.parted_along((float(axis), float(1 - axis)))
-        self._part(box, CLOSE)
+        self._part(box)
         start = ArcFrames(self.arcs).start
         return snapped(start[on_border(box, start)])
 
-    def _part(self, box: Floats, margin: float) -> None:
-        """Part its arcs at the lines of a box, if curves go on by more than a margin."""
+    def _part(self, box: Floats) -> None:
+        """Part its arcs at the lines of a box, if they do not run along these but for rounding."""
         for axis, level in ((a, level) for a in (0, 1) for level in box[:, a].tolist()):
             at, parts = self.arcs[..., axis] / self.arcs[..., 2], list[Floats]()
-            # what is straight may run along a line, but for rounding
-            off = np.where(ArcFrames(self.arcs).turn == 0.0, CLOSE, margin)
-            through = (at.min(axis=1) < level - off) & (at.max(axis=1) > level + off)
+            through = (at.min(axis=1) < level - CLOSE) & (at.max(axis=1) > level + CLOSE)
             for arc, cut in zip(self.arcs, through, strict=True):
                 parts += _parted_on(arc, axis, level) if cut else [arc]
             self.arcs = np.array(parts)

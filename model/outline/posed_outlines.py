@@ -75,11 +75,15 @@ class EdgeLoad:
             return np.empty((0, 2, 2))
         frames = ArcFrames(np.concatenate([region.arcs for region in self.regions.values()]))
         within = true_shapes.inside(self.box, 0.5 * (frames.start + frames.end), 0.0)
-        both = [frames.start, frames.tip], [frames.tip, frames.end]
-        beyond = (frames.turn != 0.0) & ~within
-        legs = np.concatenate([np.stack(ends, axis=1)[beyond] for ends in both])
-        on = true_shapes.on_border(self.box, legs).all(axis=1)
-        return np.sort(legs[on & (np.ptp(legs, axis=1).min(axis=1) < CLOSE)], axis=1)
+        legs = _legs_of(frames, ~within)
+        return legs[true_shapes.on_border(self.box, legs).all(axis=1)]
+
+
+def _legs_of(frames: ArcFrames, some: Flags) -> Floats:
+    """Return tangents along an axis of some arcs, as boxes, (n, 2, 2)."""
+    both = [frames.start, frames.tip], [frames.tip, frames.end]
+    legs = np.concatenate([np.stack(ends, axis=1)[some & (frames.turn != 0.0)] for ends in both])
+    return np.sort(legs[np.ptp(legs, axis=1).min(axis=1) < CLOSE], axis=1)
 
 
 class UnlikeError(Exception):
@@ -129,6 +133,10 @@ class OutlinedBody:
             self._check_rigid(which)
             if scene.body.regions[which].material == PINNED:
                 self.pivots[which] = self.true.regions[which].lines[0].middle
+        array = np.array([[0.0, 0.0], self.shape])
+        for region in self.true.regions:
+            start = ArcFrames(region.arcs).start
+            self.true.marks.extend(true_shapes.snapped(start[true_shapes.on_border(array, start)]))
         kinds = {name: scene.side_condition(name).kind for name in SIDES}
         self.held = {
             name: (0, 1) if kind == "rigid" else (SIDES[name][0],)
@@ -155,6 +163,17 @@ class OutlinedBody:
         else:
             return
         raise SceneError(f"{what} {told}")
+
+    def left_at(self, places: Floats) -> Flags:
+        """Tell which places are on tangents of arcs that leave them, with air on one side."""
+        found, inner = [], places + BESIDE * (0.5 * np.array(self.shape) - places)
+        for which, region in enumerate(self.true.regions):
+            frames = ArcFrames(region.arcs)
+            for leg in _legs_of(frames, frames.turn != 0.0):
+                on = np.flatnonzero(true_shapes.inside(leg, places))
+                laws = zip(on, self._below(which, inner[on]), strict=True)
+                found += [k for k, law in laws if (law == AIR) != (region.law == AIR)]
+        return np.isin(np.arange(len(places)), found)
 
     def _below(self, which: int, points: Floats) -> list[Law]:
         """Return the laws that regions before one give points."""

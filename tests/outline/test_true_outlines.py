@@ -516,3 +516,19 @@ def test_a_bracket_drawn_along_the_sides_is_loaded_by_part_of_its_edge() -> None
     answer = kaju.solve(kaju.Scene(body=body, sides={"top": "rigid"}, loads=[foot]), 0.1)
     assert answer.reactions["top"] == pytest.approx([0.0, 1000.0], abs=1e-6)
     assert answer.couples["top"] == pytest.approx(125.0)  # 1000 N, 0.14 m less 0.015 m away
+
+
+@pytest.mark.parametrize("force", [[1.0, 0.0], [0.0, 1.0]])
+def test_a_side_that_rounds_off_is_loaded_as_far_as_it_is_straight(force: list[float]) -> None:
+    path = "M 0 0 H 0.07 V 0.037 A 0.012 0.012 0 0 1 0.058 0.049 H 0 Z"
+    part = {"path": path, "material": "steel", "outline": "true"}
+    places = {"side": "right"}, boxed(0.07, 0.0, 0.07, 0.049)  # of a larger array
+    bounds = []
+    for place, more in zip(places, (0, 1), strict=True):
+        size, cells = [0.07 + 0.007 * more, 0.049 + 0.007 * more], [10 + more, 7 + more]
+        body = {"size": size, "cells": cells, "material": "air", "regions": [part]}
+        loads = [place | {"force": force}]
+        answer = kaju.solve(kaju.Scene(body=body, sides={"left": "rigid"}, loads=loads), 0.03)
+        assert answer.tolerance_kept == "proved"
+        bounds.append(answer.energy_bounds)
+    assert max(low for low, _ in bounds) < min(high for _, high in bounds)

@@ -269,8 +269,8 @@ class BodyPicture:
         lower, upper = np.minimum(lower, reach[0]), np.maximum(upper, reach[1])
         ax.set(xlim=(lower[0], upper[0]), ylim=(lower[1], upper[1]))
         ends = np.stack([lower, upper], axis=1).tolist()
-        for axis, name, values in zip((ax.xaxis, ax.yaxis), section.axis_names, ends, strict=True):
-            style.label_axis(axis, name, values, "m")
+        for axis, along, values in zip((ax.xaxis, ax.yaxis), section.axes, ends, strict=True):
+            style.label_axis(axis, "xyz"[along], values, "m")
         for spine in ax.spines.values():
             spine.set_color(LINE)
         form = 1.6 if stretched else float(np.divide(*(upper - lower)))

@@ -84,11 +84,8 @@ def _names(ax: Axes) -> str:
 def _bare(figure: Figure) -> None:
     """Leave out axes, words and scales: the body fills the frame."""
     ax, *bars = figure.axes
-    for bar in bars:
-        bar.set_visible(False)
-    key = ax.get_legend()
-    if key is not None:
-        key.set_visible(False)
+    for part in filter(None, (*bars, ax.get_legend())):
+        part.set_visible(False)
     ax.set_axis_off()
     ax.set_title("", loc="left")
     for text in ax.texts:

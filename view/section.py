@@ -113,11 +113,6 @@ class Section:
         """Whether tiles have outlines of their own; squares and blocks follow the coordinates."""
         return not self.scene.lattice.boxes and self.block == 1
 
-    @property
-    def axis_names(self) -> tuple[str, str]:
-        """Names of the axes that run rightwards and upwards."""
-        return "xyz"[self.axes[0]], "xyz"[self.axes[1]]
-
     @cached_property
     def tile_size(self) -> Floats:
         """Distance between tiles, rightwards and upwards (m)."""

@@ -160,7 +160,10 @@ TREE = {
     "resolution": (told("found.PairAgents.ground.resolution", "two"), "resolution"),
     "later": (told("format", 99), "in version 99"),
 }
+for value in ({}, float("nan"), "a", [1.0]):
+    TREE[f"tolerance {value}"] = (told("tolerance", value), "'tolerance' must")
 CELLS = {
+    "another version": (told("format", 3), "version 3 of the format"),
     "shape": (set_to("found.solution.displacement.0", lambda v: v[:, :-1]), "displacement"),
     "infinite": (set_to("found.solution.displacement.1", lambda v: first(v, np.inf)), "finite"),
     "division": (told("found.CellAgents.division", -3), "division"),

@@ -56,18 +56,12 @@ def nodal(result, record):
     return forces
 
 
-def given_displacement(depth):
+def test_a_given_displacement_needs_the_force_that_gives_it():
     network = triangular(5)
     top = network.node((4, 2))
-    held = network.held.copy()
-    held[top] = True
-    shift = np.zeros_like(network.positions)
-    shift[top, 1] = -depth
-    return replace(network, held=held, displacements=shift[None], forces=0.0 * network.forces), top
-
-
-def test_a_given_displacement_needs_the_force_that_gives_it():
-    network, top = given_displacement(0.2)
+    held, shift = network.held.copy(), np.zeros_like(network.positions)
+    held[top], shift[top, 1] = True, -0.2
+    network = replace(network, held=held, displacements=shift[None], forces=0.0 * network.forces)
     pressed = solve(network, 4)
     reaction = pressed.reactions()[top]
     forces = np.zeros_like(network.positions)

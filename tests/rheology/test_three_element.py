@@ -90,16 +90,19 @@ def test_at_a_jump_the_value_before_it_counts():
     history = History.step(2.0).hold(3.0).release()
     np.testing.assert_array_equal(history.at([0.0, 1e-300, 3.0, 3.1]), [0.0, 2.0, 2.0, 0.0])
     np.testing.assert_array_equal(history.after([0.0, 3.0]), [2.0, 0.0])
+    assert History((0.0, 1.0, 1.0), (0.0, 1.0, 0.5)).duration == 1.0
     first = History((0.0, 1.0), (1.0, 1.0))  # a first factor is a jump at the start
     assert (first.at(0.0), first.at(0.5), first.corners()[1][0]) == (0.0, 1.0, 1.0)
+
+
+WRONG = (1.0,), (1.0, 2.0), (0.0, 2.0, 1.0), (-1.0, 0.0), (0.5, 0.5), (0.0, 1.0, 0.5, 2.0)
 
 
 @pytest.mark.parametrize(
     ("times", "factors", "message"),
     [
         ((0.0, 1.0), (0.0,), "as many factors"),
-        ((0.0, 2.0, 1.0), (0.0, 1.0, 2.0), "never fall"),
-        ((1.0,), (0.0,), "start at 0"),
+        *((times, (0.0,) * len(times), "times must start at 0 and never fall") for times in WRONG),
         ((0.0, float("inf")), (0.0, 1.0), "finite"),
     ],
 )

@@ -48,15 +48,6 @@ def test_stages_out_of_order_are_refused_by_name(tmp_path, change):
         kaju.load_result(path)
 
 
-@pytest.mark.parametrize("value", [{}, float("nan"), "a", [1.0]])
-def test_values_of_another_kind_are_refused_by_name(tmp_path, value):
-    answer = kaju.solve(PLATE, tolerance=0.5)
-    path = answer.save(tmp_path / "e.npz")
-    rewritten(path, lambda arrays, about: about.update(tolerance=value))
-    with pytest.raises(kaju.KajuError, match="'tolerance' must"):
-        kaju.load_result(path)
-
-
 @pytest.mark.parametrize(
     ("change", "named"),
     [
@@ -75,11 +66,4 @@ def test_a_tampered_file_is_refused_by_name(tmp_path, change, named):
     path = kaju.LoadModel(kaju.load_scene(PLATE)).run().save(tmp_path / "t.npz")
     rewritten(path, change)
     with pytest.raises(kaju.KajuError, match=named):
-        kaju.load_result(path)
-
-
-def test_other_versions_of_the_format_are_refused(tmp_path):
-    path = kaju.solve(PLATE).save(tmp_path / "e.npz")
-    rewritten(path, lambda arrays, about: about.update(format=3))
-    with pytest.raises(kaju.KajuError, match="version 3 of the format"):
         kaju.load_result(path)

@@ -12,7 +12,7 @@ import pytest
 from plates import plate as pressed
 
 import kaju
-from kaju import ElasticModel, History, LoadModel, SpawningModel, ThreeElement, creep, solve
+from kaju import ElasticModel, History, LoadModel, SpawningModel, ThreeElement, creep, load_result
 from kaju.model.elastic.equal import krylov
 from kaju.model.elastic.pair.loop import PairLoop
 from kaju.model.rheology.integrate import Integrator
@@ -50,7 +50,7 @@ def test_a_run_keeps_the_steps_that_were_taken(monkeypatch, model, kind, capfd):
 
 
 def test_agents_that_spawn_keep_their_generation(monkeypatch):
-    whole = solve(plate(), tolerance=0.03)
+    whole = kaju.solve(plate(), tolerance=0.03)
     run = SpawningModel(plate(), tolerance=0.03)
     interrupting(monkeypatch, SpawningModel, "act_once", 2)
     with pytest.raises(Interrupted) as stop:
@@ -69,7 +69,7 @@ def test_solve_keeps_what_was_found_and_says_so(monkeypatch, tmp_path, asked, an
     interrupting(monkeypatch, krylov, "interrupt_requested", 3)
     interrupting(monkeypatch, PairLoop, "step", 2)
     with pytest.raises(KeyboardInterrupt) as stop:
-        solve(plate(regions=[hole]), **asked)
+        kaju.solve(plate(regions=[hole]), **asked)
     best = stop.value.best
     assert best.found.storage == answer
     assert NOTE in best.notes
@@ -107,46 +107,28 @@ def test_only_who_is_in_charge_of_signals_listens():
     assert found[0].outcome.startswith("at rest")
 
 
-RUNS = {
-    "run": ({"threshold": 1e-9}, []),
-    "solve": ({"kind": "elastic"}, ["--tolerance", "0.003"]),
-    "creep": ({"threshold": 1e-5}, ["--hold", "10"]),
-}
-
-
-def written(folder, verb, cells):
-    rule, more = RUNS[verb]
-    scene = pressed([cells, cells], [cells // 2, cells - 1], size=[0.2, 0.2], rule=rule)
-    scene.save(folder / "scene.toml")
-    return [verb, "scene.toml", "--out", "answer", *more, "--no-pictures"]
-
-
-def assert_whole_or_none(place, told):
-    """Before there is anything to keep there is no folder, later a whole one."""
-    folder = place / "answer"
-    assert "Traceback" not in told
-    assert ("answer" in told) == folder.exists()
-    if folder.exists():
-        summary = json.loads((folder / "summary.json").read_text())
-        words = [summary.get("outcome", ""), *summary.get("notes", [])]
-        words += [getattr(kaju.load_result(folder), "outcome", "")]
-        assert any("interrupted" in word for word in words)
-    assert [path.name for path in place.iterdir() if path.name.startswith(".")] == []
-    return folder.exists()
-
-
-STEPS = {
-    "run": "kaju.model.transfer.load_transfer.LoadTransfer.step",
-    "solve": "kaju.model.elastic.pair.loop.PairLoop.step",
-    "creep": "kaju.model.rheology.integrate.Integrator.take_step",
+RUNS = {  # the rule, words, and what takes a step
+    "run": ({"threshold": 1e-9}, [], "transfer.load_transfer.LoadTransfer.step"),
+    "solve": ({"kind": "elastic"}, ["--tolerance", "0.003"], "elastic.pair.loop.PairLoop.step"),
+    "creep": ({"threshold": 1e-5}, ["--hold", "10"], "rheology.integrate.Integrator.take_step"),
 }
 
 
 @pytest.mark.parametrize("verb", RUNS)
 @pytest.mark.parametrize("kept", [False, True])
 def test_what_an_interrupted_command_leaves(kaju, monkeypatch, tmp_path, verb, kept):
-    place, _, name = (STEPS[verb] if kept else "kaju.model.scene.load_scene").rpartition(".")
+    """Before there is anything to keep there is no folder, later a whole one."""
+    rule, more, step = RUNS[verb]
+    pressed([8, 8], [4, 7], size=[0.2, 0.2], rule=rule).save(tmp_path / "scene.toml")
+    place, _, name = f"kaju.model.{step if kept else 'scene.load_scene'}".rpartition(".")
     interrupting(monkeypatch, resolve_name(place), name, 3 if kept else 1)
-    code, _, told = kaju(*written(tmp_path, verb, 8))
-    assert code == 130
-    assert assert_whole_or_none(tmp_path, told) == kept
+    code, _, told = kaju(verb, "scene.toml", "--out", "answer", *more, "--no-pictures")
+    assert (code, "Traceback" in told, "answer" in told) == (130, False, kept)
+    folder = tmp_path / "answer"
+    assert folder.exists() == kept
+    if kept:
+        summary = json.loads((folder / "summary.json").read_text())
+        words = [summary.get("outcome", ""), *summary.get("notes", [])]
+        words += [getattr(load_result(folder), "outcome", "")]
+        assert any("interrupted" in word for word in words)
+    assert [path.name for path in tmp_path.iterdir() if path.name.startswith(".")] == []

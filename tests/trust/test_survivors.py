@@ -90,15 +90,6 @@ def test_what_a_corner_keeps_of_its_shear_modulus_gives_the_energy_of_finite_ele
     assert kaju.solve(bent, resolution=4).strain_energy == pytest.approx(truth, rel=3e-3)
 
 
-@pytest.mark.parametrize(
-    "times", [(1.0, 2.0), (0.0, 2.0, 1.0), (-1.0, 0.0), (0.5, 0.5), (0.0, 1.0, 0.5, 2.0)]
-)
-def test_a_history_starts_at_0_and_never_falls(times):
-    with pytest.raises(kaju.KajuError, match="times must start at 0 and never fall"):
-        kaju.History(times, (0.0,) * len(times))
-    assert kaju.History((0.0, 1.0, 1.0), (0.0, 1.0, 0.5)).duration == 1.0
-
-
 def test_the_largest_arrow_in_space_is_as_long_as_a_share_of_the_box():
     axes = kaju.plot(pressed([3, 3, 5], [1, 1, 4], [0.0, 0.0, -2.0], side="top")).axes[0]
     (arrows,) = (drawn for drawn in axes.get_children() if drawn.get_gid() == "forces")

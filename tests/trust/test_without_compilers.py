@@ -1,9 +1,12 @@
-"""kaju in a browser's Python (Pyodide): without numba, joblib, typer and rich."""
+"""kaju in a browser's Python (Pyodide): no numba, joblib, typer and rich; and without PETSc."""
 
 import subprocess
 import sys
 
+import pytest
 from plates import PLATE
+
+import kaju
 
 TAKEN_AWAY = (
     f"PLATE = {PLATE}"
@@ -48,3 +51,10 @@ def test_agents_answers_pictures_and_pages_need_no_compiler():
     assert "growth and bodies of more than 10,000 cells" in growth
     assert growth == large
     assert sweep.startswith("sweep: joblib")
+
+
+def test_without_petsc_the_error_says_how_to_get_it(monkeypatch):
+    monkeypatch.setitem(sys.modules, "petsc4py", None)
+    with pytest.raises(ImportError, match="apt-get install python3-petsc4py-real") as raised:
+        kaju.solve_petsc(kaju.Scene(**PLATE))
+    assert isinstance(raised.value, kaju.KajuError)

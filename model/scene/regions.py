@@ -316,13 +316,8 @@ def _page(root: Any) -> Floats:
     # a side that is left out keeps the proportions
     whole = [scale * b if a is None else a for a, b in zip(size, box[2:], strict=True)]
     x, y = (0.5 * (a - scale * b) for a, b in zip(whole, box[2:], strict=True))  # in the middle
-    return np.array(
-        [
-            [scale, 0.0, x - scale * box[0]],
-            [0.0, -scale, whole[1] - y + scale * box[1]],
-            [0.0, 0.0, 1.0],
-        ]
-    )
+    right, up = x - scale * box[0], whole[1] - y + scale * box[1]
+    return np.array([[scale, 0.0, right], [0.0, -scale, up], [0.0, 0.0, 1.0]])
 
 
 def _length(text: str) -> float | None:

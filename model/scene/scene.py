@@ -658,8 +658,6 @@ def overridden(table: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str
 
 def _check_first(key: str) -> None:
     """Say where a key belongs that stands alone but is no part of a scene."""
-    if key in Description.model_fields:
-        return
     homes = {
         "rule.": {key for table in description.TABLES.values() for key in table.model_fields},
         "body.": set(Body.model_fields),
@@ -667,7 +665,7 @@ def _check_first(key: str) -> None:
     }
     whole = {key: home + key for home, keys in homes.items() for key in keys}
     near = get_close_matches(key, list(whole), n=1, cutoff=0.7)
-    if near:
+    if near and key not in Description.model_fields:
         raise SceneError(f"{key}: unknown key; did you mean {whole[near[0]]}?")
 
 

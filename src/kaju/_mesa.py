@@ -18,15 +18,14 @@ from weakref import WeakKeyDictionary
 _before = multiprocessing.get_start_method(allow_none=True)
 
 import mesa  # noqa: E402
-from mesa import DataCollector, Model  # noqa: E402
-from mesa.agent import AgentSet  # noqa: E402
-from mesa.discrete_space import (  # noqa: E402
-    Cell,
-    DiscreteSpace,
-    HexGrid,
-    Network,
-    OrthogonalVonNeumannGrid,
-)
+from mesa import DataCollector as DataCollector  # noqa: E402
+from mesa import Model as Model  # noqa: E402
+from mesa.agent import AgentSet as AgentSet  # noqa: E402
+from mesa.discrete_space import Cell as Cell  # noqa: E402
+from mesa.discrete_space import DiscreteSpace as DiscreteSpace  # noqa: E402
+from mesa.discrete_space import HexGrid as HexGrid  # noqa: E402
+from mesa.discrete_space import Network as Network  # noqa: E402
+from mesa.discrete_space import OrthogonalVonNeumannGrid as OrthogonalVonNeumannGrid  # noqa: E402
 
 try:  # Mesa has recorders from 3.5 on
     from mesa.experimental import data_collection
@@ -93,9 +92,3 @@ class FixedAgent(mesa.discrete_space.FixedAgent, metaclass=MadeByModels):
 
     goes_into = "LoadModel, material_agent={}"  # the class, which errors tell
     _ids: Any = _numbers
-
-
-__all__ = [
-    "Agent", "AgentSet", "Cell", "DataCollector", "DiscreteSpace", "FixedAgent", "HexGrid",
-    "Model", "Network", "OrthogonalVonNeumannGrid", "number_agents_of", "track_figures",
-]  # fmt: skip

@@ -46,18 +46,15 @@ def text_of_file(
 ) -> str:
     """Return the text (UTF-8) in a file, "-" for standard input; `hint`: what to do with others."""
     try:
-        if str(path) == "-":
-            data = sys.stdin.buffer.read(most + 1)
-            if len(data) > most:
-                raise error(f"{path}: cannot be read: it has more than {most:,} bytes")
-            return data.decode("utf-8-sig")  # without the mark that some editors put first
-        return file_to_read(path, error, most=most, key=key).read_text(encoding="utf-8-sig")
+        with _named_errors(path, error, "read"):
+            if str(path) == "-":
+                data = sys.stdin.buffer.read(most + 1)
+                if len(data) > most:
+                    raise error(f"{path}: cannot be read: it has more than {most:,} bytes")
+                return data.decode("utf-8-sig")  # without the mark that some editors put first
+            return file_to_read(path, error, most=most, key=key).read_text(encoding="utf-8-sig")
     except UnicodeDecodeError:
         raise error(f"{key}{': ' if key else ''}{path}: is not a text{hint}") from None
-    except KajuError:
-        raise
-    except OSError as wrong:
-        raise error(f"{path}: cannot be read: {wrong.strerror or wrong}") from None
 
 
 def is_there(path: Path) -> bool:
@@ -105,14 +102,16 @@ def check_writable(target: Path, error: type[KajuError]) -> None:
 
 
 @contextmanager
-def _named_errors(target: Path, error: type[KajuError]) -> Iterator[None]:
-    """Turn errors of the system into one of kaju's that names the target."""
+def _named_errors(
+    path: str | Path, error: type[KajuError], done: str = "written"
+) -> Iterator[None]:
+    """Turn errors of the system into one of kaju's that names the file, and what is not done."""
     try:
         yield
     except OSError as reason:
         if isinstance(reason, KajuError):
             raise
-        raise error(f"{target}: cannot be written: {reason.strerror or reason}") from reason
+        raise error(f"{path}: cannot be {done}: {reason.strerror or reason}") from reason
 
 
 def _new_name(folder: Path, suffix: str = "") -> Path:

@@ -305,6 +305,8 @@ def test_a_part_within_a_hole_of_another_loads_it_by_nothing() -> None:
 
 
 HOLE = disk(0.05, 0.05, 0.02, "air", "hole")
+ROUNDED = {"rounded_box": {"box": [[0.03, 0.03], [0.07, 0.07]], "radius": 0.01}}
+ROUNDED |= {"material": "air", "outline": "true"}
 
 
 @pytest.mark.parametrize(
@@ -343,11 +345,10 @@ DOT = {"disk": {"centre": [0.07, 0.07], "radius": 0.004}, "outline": "true"}
 ON_PIN = {"loads": [{"outline": "pin", "pressure": 1.0}]}
 # The wave's lowest point, (0.06, 0.03), lies on the bottom of the hole, but for rounding.
 WAVE = {"path": "M.03.04Q.04.06.05.04T.07.04V.03H.03Z", "outline": "true"}
+TWO = "M.05.05H.06V.06H.05ZM.08.08H.09V.09H.08Z"
 EITHER = {"pressure": 1.0}, {"force": [1.0, 0.5]}
-RIM = disk(0.05, 0.05, 0.1, "steel", "rim")
-RIM = plate().replace(
-    body={"size": [0.1, 0.1], "cells": [4, 4], "material": "air", "regions": [RIM]}
-)
+AIR = {"size": [0.1, 0.1], "cells": [4, 4], "material": "air"}
+RIM = plate().replace(body=AIR | {"regions": [disk(0.05, 0.05, 0.1, "steel", "rim")]})
 
 
 def boxed(left: float, bottom: float, right: float, top: float, **load: Any) -> dict[str, Any]:
@@ -367,6 +368,7 @@ def boxed(left: float, bottom: float, right: float, top: float, **load: Any) -> 
         (plate().with_region("rigid", **PIN).with_region("air", **DOT), "below or around"),
         (plate().with_region("rigid", **PIN).replace(**ON_PIN), "'pin' holds"),
         (plate().replace(sides={}).with_region("pinned", **PIN), "could turn"),
+        (plate().with_region("pinned", path=TWO, outline="true"), "2 outlines, which turn alone"),
         (ring(0.1, 0.2).with_region("rigid", **NEAR), "holds nothing"),
         *((RIM.replace(loads=[{"outline": "rim"} | what]), r"^loads\.0\.") for what in EITHER),
         (plate(loads=[boxed(0.04, 0.02, 0.09, 0.05, pressure=1.0)]), "no free edge"),
@@ -427,12 +429,16 @@ def test_a_box_loads_what_lies_in_it(what: dict[str, Any]) -> None:
     assert whole[0] == pytest.approx(whole[1], rel=1e-9)
 
 
-# Half of the hole, and part of the top with a box that touches the hole from above.
-@pytest.mark.parametrize(("low", "high", "borne"), [(0.05, 0.08, -4e4), (0.07, 0.1, 6e4)])
-def test_part_of_an_edge_is_pressed(low: float, high: float, borne: float) -> None:
+# Half of a hole, part of the top with a box that touches a hole from above, and of a hole's edge
+# what is straight, not the curves that go on from it.
+@pytest.mark.parametrize(
+    ("hole", "low", "high", "borne"),
+    [(HOLE, 0.05, 0.08, -4e4), (HOLE, 0.07, 0.1, 6e4), (ROUNDED, 0.07, 0.07, -2e4)],
+)
+def test_part_of_an_edge_is_pressed(hole, low: float, high: float, borne: float) -> None:
     scene, bounds = plate(loads=[boxed(0.02, low, 0.08, high, pressure=1e6)]), []
     for cells, tolerance in ((4, 0.1), (5, 0.05), (7, 0.02)):
-        body = {"size": [0.1, 0.1], "cells": [cells] * 2, "material": "steel", "regions": [HOLE]}
+        body = {"size": [0.1, 0.1], "cells": [cells] * 2, "material": "steel", "regions": [hole]}
         answer = kaju.solve(scene.replace(body=body, sides={"left": "rigid"}), tolerance)
         assert answer.reactions["left"] == pytest.approx([0.0, borne], abs=1e-3)
         assert answer.couples["left"] == pytest.approx(0.05 * borne)

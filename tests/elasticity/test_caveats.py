@@ -39,6 +39,9 @@ def test_bodies_along_the_axes_have_no_such_note():
     assert result.caveats == ()
     assert not result.largest_stress.no_limit
     assert result.largest_stress.value == pytest.approx(1e5)
+    # Of a single cell between walls all is near to corners without a limit, and is told.
+    held = plate(cells=1, sides={"left": "rigid", "right": "rigid"}, side="top", pressure=1e5)
+    assert solve(held).largest_stress.value > 1e5
 
 
 def plate(regions=(), cells=20, sides=None, **load):

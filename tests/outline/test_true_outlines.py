@@ -242,13 +242,15 @@ def test_holes_hold_what_is_round_them(material: str) -> None:
     bolts = [disk(x, 0.05, 0.01, material, f"bolt {x}") for x in (0.03, 0.07)]
     body = {"size": [0.2, 0.1], "cells": [8, 4], "material": "steel", "regions": bolts}
     loads = [{"side": "right", "force": [500.0, 200.0]}, {"side": "top", "couple": 30.0}]
+    loads.append(boxed(0.02, 0.04, 0.08, 0.1, force=[100.0, 0.0]))  # along the top, past the bolts
     answer = kaju.solve(kaju.Scene(body=body, loads=loads), 0.06)
     assert answer.tolerance_kept == "proved"
     couples = any(note.startswith("rigid holes bear couples") for note in answer.notes)
     assert couples == any(answer.couples.values()) == (material == "rigid")
     assert answer.summary()["largest_hoop_stress_Pa"] is None
-    assert sum(answer.reactions.values()) == pytest.approx([-500.0, -200.0], abs=1e-6)
-    arm = 0.04 * answer.reactions["bolt 0.07"][1] + 0.17 * 200.0 + 30.0  # about the first bolt
+    assert sum(answer.reactions.values()) == pytest.approx([-600.0, -200.0], abs=1e-6)
+    # about the first bolt
+    arm = 0.04 * answer.reactions["bolt 0.07"][1] + 0.17 * 200.0 + 30.0 - 0.05 * 100.0
     assert arm + sum(answer.couples.values()) == pytest.approx(0.0, abs=1e-6)
     assert answer.material_at([[0.03, 0.05], [0.05, 0.05]]).tolist() == [-1, 0]
     edge = answer.displacement_at([[0.02, 0.05], [0.04, 0.05]]) / answer.max_displacement

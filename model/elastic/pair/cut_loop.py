@@ -69,8 +69,9 @@ def peak_asked(scene: Scene, goal: AskedFor | None) -> Stress | Deflection | Non
     elif at in named:
         wrong = f"no load acts on {at!r}, so only its stress can be one: {at!r} alone"
     else:
-        every = [*named, *moves, *(f"{one},{VON_MISES}" for one in named)]
-        wrong = f"there is no outline {at!r}{suggestion(at, every)}; there is {', '.join(every)}"
+        every = [*named, *moves]
+        near = suggestion(at, [*every, *(f"{one},{VON_MISES}" for one in named)])
+        wrong = f"there is no outline {at!r}{near}; there is {', '.join(every)}"
     raise ParameterError(f"goal: {wrong}")
 
 

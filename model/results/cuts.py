@@ -186,7 +186,7 @@ def resultants(
     found, spots = {}, at if spots is None else spots
     for number in np.unique(of).tolist():
         here = of == number
-        middle = 0.5 * (spots[here].min(axis=0) + spots[here].max(axis=0))
+        middle = 0.5 * (np.fmin.reduce(spots[here]) + np.fmax.reduce(spots[here]))
         borne = rigid_motions(at[here] - middle, axis[here]).T @ force[here]
         if len(borne) == 6:  # turns within xy, xz and yz are those about z, -y and x
             borne[3:] = borne[5], -borne[4], borne[3]

@@ -113,8 +113,23 @@ def test_rigid_cells_inside_the_array_carry_reactions():
     assert (cells.origin, cells.body.shape) == ((2, 1), (4, 3))
     np.testing.assert_allclose(result.middle.min(axis=0), [0.025, 0.015])
     assert result.reactions == {"rigid": pytest.approx([-1.0, 2.0], rel=1e-7, abs=1e-9)}
-    assert result.couples == {"rigid": pytest.approx(0.02)}
+    for answer in (result, solve(scene, 0.3)):
+        assert answer.couples == {"rigid": pytest.approx(0.02)}
     np.testing.assert_allclose(result.displacement_at([[0.03, 0.01], [0.05, 0.01]]), 0, atol=1e-20)
+
+
+@pytest.mark.parametrize("depth", [(), (0.02,)])
+@pytest.mark.parametrize(
+    ("outline", "tolerance"), [("cells", None), ("cells", 0.3), ("true", None)]
+)
+def test_a_couple_is_about_the_middle_of_where_the_body_is_held(outline, tolerance, depth):
+    """An L whose leg, held on its end, is narrower than the array that it lies in."""
+    away = {"box": [[0.03, *(0.0 for _ in depth), 0.03], [0.16, *depth, 0.16]], "material": "air"}
+    body = {"size": [0.16, *depth, 0.16], "cells": [16, *(2 for _ in depth), 16]}
+    body |= {"material": "steel", "regions": [away | {"outline": outline}]}
+    load = {"side": "right", "force": [0.0, *(0.0 for _ in depth), -1e3]}
+    answer = solve(Scene(body=body, sides={"top": "rigid"}, loads=[load]), tolerance)
+    assert np.linalg.norm(answer.couples["top"]) == pytest.approx(1e3 * (0.16 - 0.015))
 
 
 def test_a_member_one_cell_wide_is_solved_on_halved_cells():

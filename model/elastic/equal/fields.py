@@ -201,9 +201,13 @@ def reactions(
         # The side whose cells hold a face; -1 if cells inside the array do.
         owner = np.minimum(*(side[at] for side in _sides(holding, axis, nothing)))
         place = np.transpose(at) - 1.0 + 0.5 * (np.arange(problem.dimension) != axis)
-        found.append((owner, place, np.full(len(pull), axis), pull))
-    of, place, along, pull = (np.concatenate(one) for one in zip(*found, strict=True))
+        # The body is held where it ends, not at faces within a support or half a cell beyond it.
+        on = np.logical_or(*(body[at] for body in _sides(kinds >= 0, axis, False)))
+        spot = np.where(on[:, None], place, np.nan)
+        found.append((owner, place, np.full(len(pull), axis), pull, spot))
+    of, place, along, pull, spot = (np.concatenate(one) for one in zip(*found, strict=True))
     some = np.isin(of, of[pull != 0.0])
-    # Faces half a cell beyond a side are held there, but the support ends at the side.
-    rows = [one[some] for one in (of, place, along, pull, np.clip(place, 0, problem.shape))]
-    return resultants([*lattice.sides, INSIDE], *rows)
+    half = 0.5 * (np.arange(problem.dimension) != along[some, None])
+    rows = [np.tile(one[some], (2, 1)[: one.ndim]) for one in (of, place, along, 0.5 * pull)]
+    spots = np.concatenate([spot[some] - half, spot[some] + half])
+    return resultants([*lattice.sides, INSIDE], *rows, spots)

@@ -204,12 +204,12 @@ class _Watch:
             # The last correction takes nine tenths of what is left away.
             target = min(max(0.15 * self.discretisation, 1e-12), 3e-3)
         stated = max(target, self.discretisation)
-        # Supports are to bear the loads, to a hundredth of the error that is stated, after a last
-        # correction that leaves a tenth where no rate is known yet.
+        # Supports are to bear the loads, to a hundredth of the error that is stated and to 1e-4,
+        # after a last correction that leaves a tenth where no rate is known yet.
         residual = run.residual.reshape(self._system.problem.dimension, -1).sum(axis=1)
         rate = rate_of(run.residuals[-6:]) or 0.1
         unborne = rate * np.abs(residual).max() / self._system.loads
-        borne = unborne <= 0.01 * stated
+        borne = unborne <= min(0.01 * stated, 1e-4)
         if (run.errors[-1] <= target and borne) or run.at_rounding():
             self.slow = False
             return True

@@ -174,21 +174,24 @@ class CutAgents(PairAgents):
                 coarse += [repr(name)] if len(along.hoop) else []
                 continue
             peak, off = mega * float(along.hoop[at]), mega * along.apart(at)
-            reached = mega * float(along.von_mises.max())
+            highest = int(along.von_mises.argmax())
+            reached = mega * float(along.von_mises[highest])
+            x, y = self.ground.edge * along.place[highest]
+            told = f"{reached:.4g} MPa along {name!r}, at ({x:.4g}, {y:.4g}) m"
             if name in self.ground.rigid.values():
-                reach.append(f"{reached:.4g} MPa along {name!r}")
+                reach.append(told)
                 continue
             if name in loaded and reached > 1.01 * abs(peak):
                 notes.append(
-                    f"along {name!r} loads act on the edge, so the hoop stress is not the "
-                    f"equivalent stress: von Mises reaches about {reached:.4g} MPa there"
+                    "where loads act on the edge the hoop stress is not the equivalent stress: "
+                    f"von Mises reaches about {told}"
                 )
             # A peak that is off both fields there by more is noted.
             if off > 0.04 * abs(peak) and not sought:
                 rough.append(f"{peak:.4g} MPa at {name!r} may be off by about {off:.2g} MPa")
         if reach:
             notes.append(
-                f"von Mises reaches about {', '.join(reach)}, where the part is glued to its "
+                f"von Mises reaches about {'; '.join(reach)}: where the part is glued to its "
                 "support; a bolt only presses, and makes more: see *Bolts* in *Your first bracket*"
             )
         if coarse:

@@ -15,6 +15,7 @@ import numpy as np
 from kaju.arrays import Floats, first_largest
 from kaju.errors import SingularPlaceError
 from kaju.model.elastic.goals.quantities import Quantity, Stress
+from kaju.model.elastic.moduli import constants_of
 from kaju.model.elastic.pair.answer import PairAgents
 from kaju.model.scene import Scene
 from kaju.model.scene.shapes import Box
@@ -77,6 +78,20 @@ def unproved(result: ElasticResult) -> tuple[str, ...]:
     return (f"the error is estimated, not proved: {why}",) if why else ()
 
 
+def of_units(result: ElasticResult) -> Iterator[str]:
+    """Ask about units where stress is far above the strength of stiff materials."""
+    scene, peak = result.scene, result.largest_stress
+    kind = int(result.material_at(np.array([peak.at]))[0])
+    modulus = constants_of(scene)[kind, 0]
+    # Metals, glass and concrete bear less than a hundredth of it.
+    if modulus > 30e9 and peak.value > 0.01 * modulus:
+        name = scene.cell_materials[kind].name
+        yield (
+            f"von Mises reaches {1e-9 * peak.value:.3g} GPa, more than {name!r} bears: are these "
+            "metres, newtons and pascals?"
+        )
+
+
 MISSED = {
     "": "agents of a run that is not finished leave",
     "agents": "more agents would be needed than are allowed: these leave",
@@ -96,7 +111,9 @@ def _of_error(result: ElasticResult) -> Iterator[str]:
         why, agent = found.stopped, first_largest(result.gap)
         hint = f"; most of it lies at {_point(result.middle[agent])} m"
         if result.goals:  # whose errors lie elsewhere
-            hint = "; start from other cells" if why == "stalled" else ""
+            hint = ""
+            if why == "stalled" and result.goals[0].place:
+                hint = "; stress may leap there, where a load begins or ends: let it end elsewhere"
         if why in ("corners", "stalled", "depth") and found.ground.resolution is not None:
             why, hint = "resolution", "; a larger resolution allows smaller ones"
         proved = not (found.no_bound or any(goal.no_bound for goal in found.goals))

@@ -13,7 +13,7 @@ from kaju import __version__
 from kaju.arrays import Flags, Floats, Ints, first_largest, nearest
 from kaju.errors import KajuError, ParameterError, ResultError, suggestion
 from kaju.model.elastic.arguments import check_numbers
-from kaju.model.elastic.caveats import caveats_of, refuse_singular, unproved
+from kaju.model.elastic.caveats import caveats_of, of_units, refuse_singular, unproved
 from kaju.model.elastic.corners import sharp_places
 from kaju.model.elastic.equal.cell_agents import CellAgents
 from kaju.model.elastic.equal.equal_arrays import EqualArrays
@@ -184,7 +184,11 @@ class ElasticResult(BodyResult):
 
     @cached_property
     def reactions(self) -> dict[str, Floats]:
-        """Force (N) of each support on the body: sides, "rigid" cells inside, rigid regions."""
+        """Force (N) of each support on the body: sides, "rigid" cells inside, rigid regions.
+
+        Their sum is that of the loads. How supports share what statics cannot tell has no error of
+        its own: a goal makes agents small where it needs them, and leaves shares as they come.
+        """
         unit, d = self.found.scales.force, self.scene.lattice.dimension
         return Named("reactions", {name: unit * b[:d] for name, b in self._borne.items()})
 
@@ -342,7 +346,7 @@ class ElasticResult(BodyResult):
     @property
     def notes(self) -> tuple[str, ...]:
         """What the solver decided, and the `caveats`."""
-        ours = *self.found.solution.notes, *self.caveats, *unproved(self)
+        ours = *self.found.solution.notes, *self.caveats, *unproved(self), *of_units(self)
         return tuple(dict.fromkeys((*ours, *self.scene.notes_on(self.max_displacement))))
 
     caveats = cached_property(caveats_of)

@@ -42,6 +42,10 @@ def test_bodies_along_the_axes_have_no_such_note():
     # Of a single cell between walls all is near to corners without a limit, and is told.
     held = plate(cells=1, sides={"left": "rigid", "right": "rigid"}, side="top", pressure=1e5)
     assert solve(held).largest_stress.value > 1e5
+    asked = [[note for note in solve(plate(pressure=p, side="top")).notes if "newtons" in note]
+             for p in (1e9, 3e9)]  # fmt: skip
+    assert asked == [[], ["von Mises reaches 3 GPa, more than 'steel' bears: are these metres, "
+                          "newtons and pascals?"]]  # fmt: skip
 
 
 def plate(regions=(), cells=20, sides=None, **load):

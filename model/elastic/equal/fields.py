@@ -208,6 +208,7 @@ def reactions(
     of, place, along, pull, spot = (np.concatenate(one) for one in zip(*found, strict=True))
     some = np.isin(of, of[pull != 0.0])
     half = 0.5 * (np.arange(problem.dimension) != along[some, None])
-    rows = [np.tile(one[some], (2, 1)[: one.ndim]) for one in (of, place, along, 0.5 * pull)]
     spots = np.concatenate([spot[some] - half, spot[some] + half])
-    return resultants([*lattice.sides, INSIDE], *rows, spots)
+    of, along, pull = (np.tile(one[some], 2) for one in (of, along, 0.5 * pull))
+    place = np.tile(place[some], (2, 1))
+    return resultants([*lattice.sides, INSIDE], of, place, along, pull, spots)

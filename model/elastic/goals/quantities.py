@@ -138,8 +138,13 @@ class Goal:
 
     @property
     def relative_error(self) -> float:
-        """The error as a share of the scale."""
+        """The error as a share of the scale: of the value, or of `relative_to`."""
         return self.error_estimate / (self.scale or 1.0)
+
+    @property
+    def relative_to(self) -> float | None:
+        """The scale (m, Pa or N), if it is not the value; else None."""
+        return self.scale if self.scale > 1.000001 * np.linalg.norm(self.components) else None
 
     @property
     def error_bound(self) -> float | None:
@@ -163,6 +168,7 @@ class Goal:
             "at_m": list(self.place) or None,
             "error_estimate": finite(self.error_estimate),
             "relative_error": finite(self.relative_error),
+            "relative_to": self.relative_to,
             "error_bound": self.error_bound,
         }
 

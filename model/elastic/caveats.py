@@ -15,7 +15,6 @@ import numpy as np
 from kaju.arrays import Floats, first_largest
 from kaju.errors import SingularPlaceError
 from kaju.model.elastic.goals.quantities import Quantity, Stress
-from kaju.model.elastic.moduli import constants_of
 from kaju.model.elastic.pair.answer import PairAgents
 from kaju.model.scene import Scene
 from kaju.model.scene.shapes import Box
@@ -76,20 +75,6 @@ def unproved(result: ElasticResult) -> tuple[str, ...]:
         return tuple(filter(None, (goal.doubt for goal in result.goals)))
     why = result.no_bound
     return (f"the error is estimated, not proved: {why}",) if why else ()
-
-
-def of_units(result: ElasticResult) -> Iterator[str]:
-    """Ask about units where stress is far above the strength of stiff materials."""
-    scene, peak = result.scene, result.largest_stress
-    kind = int(result.material_at(np.array([peak.at]))[0])
-    modulus = constants_of(scene)[kind, 0]
-    # Metals, glass and concrete bear less than a hundredth of it.
-    if modulus > 30e9 and peak.value > 0.01 * modulus:
-        name = scene.cell_materials[kind].name
-        yield (
-            f"von Mises reaches {1e-9 * peak.value:.3g} GPa, more than {name!r} bears: are these "
-            "metres, newtons and pascals?"
-        )
 
 
 MISSED = {

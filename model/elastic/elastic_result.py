@@ -13,7 +13,7 @@ from kaju import __version__
 from kaju.arrays import Flags, Floats, Ints, first_largest, nearest
 from kaju.errors import KajuError, ParameterError, ResultError, suggestion
 from kaju.model.elastic.arguments import check_numbers
-from kaju.model.elastic.caveats import caveats_of, of_units, refuse_singular, unproved
+from kaju.model.elastic.caveats import caveats_of, refuse_singular, unproved
 from kaju.model.elastic.corners import sharp_places
 from kaju.model.elastic.equal.cell_agents import CellAgents
 from kaju.model.elastic.equal.equal_arrays import EqualArrays
@@ -346,8 +346,11 @@ class ElasticResult(BodyResult):
     @property
     def notes(self) -> tuple[str, ...]:
         """What the solver decided, and the `caveats`."""
-        ours = *self.found.solution.notes, *self.caveats, *unproved(self), *of_units(self)
-        return tuple(dict.fromkeys((*ours, *self.scene.notes_on(self.max_displacement))))
+        ours = *self.found.solution.notes, *self.caveats, *unproved(self)
+        peak = self.largest_stress
+        kind = max(int(self.material_at(np.array([peak.at]))[0]), 0)
+        asked = self.scene.notes_on(self.max_displacement, peak.value, kind)
+        return tuple(dict.fromkeys((*ours, *asked)))
 
     caveats = cached_property(caveats_of)
     intensity = intensity

@@ -281,14 +281,20 @@ class Scene(Description):
             told = [] if PIXELS in str(error) else self._of_files
             raise type(error)("; ".join([str(error), *told])) from None
 
-    def notes_on(self, displacement: float) -> tuple[str, ...]:
-        """Return the `notes`, and one more where the largest displacement (m) is not small."""
-        share = displacement / max(self.lattice.extent)
-        told = (
+    def notes_on(self, displacement: float, stress: float = 0.0, kind: int = 0) -> tuple[str, ...]:
+        """Return the `notes`, and more on a large displacement (m), and stress (Pa) of a kind."""
+        share, material = displacement / max(self.lattice.extent), self.cell_materials[kind]
+        moved = (
             f"the largest displacement is {share:.2g} times the body's size: are these metres and "
             "pascals? Displacements are taken to be small"
         )
-        return (*self.notes, told) if share > 0.05 else self.notes
+        borne = (
+            f"von Mises reaches {1e-9 * stress:.3g} GPa, more than {material.name!r} bears: are "
+            "these metres, newtons and pascals?"
+        )
+        # Metals, glass and concrete bear less than a hundredth of their modulus.
+        stiff = stress > 0.01 * material.youngs_modulus > 3e8
+        return (*self.notes, *[moved] * (share > 0.05), *[borne] * stiff)
 
     @property
     def cell_materials(self) -> tuple[Material, ...]:

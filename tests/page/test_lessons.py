@@ -192,7 +192,7 @@ def test_a_drawing_is_a_guess_and_a_number_rounded_well_is_nearly_right(opened, 
     page.press("Change my guess")
     assert (page.tab.locator("textarea").is_editable(), page.js("page.g")) == (True, 0)
     page.js("(page.lesson.open(1), page.seek(Infinity), page.draw())")
-    assert "parted: what may still join" in page.text(".cap")
+    assert "parted: what still joins" in page.text(".cap")
     assert all(f"told_{PARTED}" in words for words in WORDS.values())
 
 

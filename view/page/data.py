@@ -305,7 +305,7 @@ def _curve_data(curves: Curves) -> dict[str, Any]:
         "lines": {name: line.tolist() for name, line in curves.lines.items()},
         "logarithmic": curves.logarithmic,
         "bars": curves.bars,
-        "axis": curves.along_unit if curves.along in ("displacement", "place") else "",
+        "axis": curves.along_unit if curves.along in ("displacement", "place", "time") else "",
         "course": curves.along == "displacement",  # a point a moment, there and back
         "place": curves.along == "place",  # no moments at all
     }

@@ -131,7 +131,7 @@ function numbersCard(page, both, k) {
       sum += Math.hypot(...mine.map((u, a) => u[i] - theirs[a][i])); count++;
       own = Math.max(own, Math.hypot(...mine.map((u) => u[i]))); high = Math.max(high, Math.hypot(...theirs.map((u) => u[i])));
     });
-    lines.push(t("twinSee") + (page.twin.gap.hidden ? "" : t("gapSee")), t("misfit", { a: quantity(own, "m"), b: quantity(high, "m"), n: general(100 * sum / count / (high || 1), 2) }), old ? t("solving") : t("solvedIn", { n: general(answer.seconds, 2) }));
+    lines.push(...(page.run.grown ? [t("grown")] : [t("twinSee") + (page.twin.gap.hidden ? "" : t("gapSee")), t("misfit", { a: quantity(own, "m"), b: quantity(high, "m"), n: general(100 * sum / count / (high || 1), 2) })]), old ? t("solving") : t("solvedIn", { n: general(answer.seconds, 2) }));
     if (page.g < page.run.generation) lines.push(t("noTime"));
   }
   return lines.map((text) => make("p", { textContent: text }));

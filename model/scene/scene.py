@@ -231,9 +231,9 @@ class Scene(Description):
                     f"{where}: its radius of {shape.radius:g} m is {shape.radius / h:.2g} cells, "
                     'so cells make a polygon of it; take smaller cells, or outline = "true"'
                 )
-            if filled.kind == cell_types.AIR and _breaks_through(shape, self.lattice):
+            if filled.kind == cell_types.AIR and _meets_edge(shape, self.lattice):
                 told = reach_of(shape, self.lattice, "is it meant so?")
-                found.append(f"{where}: this hole breaks through the edge of the body: it {told}")
+                found.append(f"{where}: this hole meets the edge of the body: it {told}")
         return (*found, *self._overlaps, *self._of_files)
 
     @property
@@ -477,15 +477,15 @@ def body_cells(scene: Scene, points: Floats) -> tuple[Ints, Flags]:
     return cells, ~outside
 
 
-def _breaks_through(shape: Shape, lattice: Lattice) -> bool:
-    """Tell whether a shape whose middle, or ends, lie inside the array reaches beyond it."""
+def _meets_edge(shape: Shape, lattice: Lattice) -> bool:
+    """Tell whether a shape whose middle, or ends, lie inside the array reaches its border."""
     own = np.array(getattr(shape, "ends", [getattr(shape, "centre", lattice.extent)]))
     size = np.array(lattice.extent)
     if np.any((own <= 0.0) | (own >= size)):
         return False
     flat = [flattened(arcs, 32) for arcs in shape.outline()] if len(size) == 2 else shape.extent
     reach = np.vstack(flat) / size
-    return bool(reach.min() < -1e-9 or reach.max() > 1.0 + 1e-9)
+    return bool(reach.min() < 1e-9 or reach.max() > 1.0 - 1e-9)
 
 
 def _refined_body(scene: Scene, picture: Picture | None, k: int) -> Body:

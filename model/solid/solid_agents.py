@@ -27,7 +27,8 @@ from kaju.model.scene.shapes import Points, Shape
 SLIVER = 1e-4  # cells of which less is body are taken as empty
 FRACTIONS = (
     "true outlines: cells count by the share of them that is body, which is an estimate and proves "
-    "nothing; stress and displacement of cut cells are means over all of each"
+    "nothing; stress and displacement of cut cells are means over all of each, so beside holes "
+    "and other round edges stress may be a third too low"
 )
 EMPTY, CUT, WHOLE = 0, 1, 2
 PARTS = 4  # parts of a cut cell along every axis, on whose tetrahedra the level is taken as linear

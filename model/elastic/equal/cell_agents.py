@@ -33,8 +33,8 @@ class CellAgents(OnCells):
     storage: ClassVar[Literal["cells", "solid"]] = "cells"
     films: ClassVar[tuple[str, ...]] = ("loading",)
     no_bound: ClassVar[str] = (
-        "the error of equal cells is only estimated; with a tolerance agents spawn, and their "
-        "error has a bound"
+        "the error of equal cells is only estimated; with a tolerance agents spawn, and in the "
+        "plane their error has a bound"
     )
     goals: ClassVar[tuple[()]] = ()
     generations: ClassVar[tuple[()]] = ()

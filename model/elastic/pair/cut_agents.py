@@ -192,7 +192,8 @@ class CutAgents(PairAgents):
         if reach:
             notes.append(
                 f"von Mises reaches about {'; '.join(reach)}: where the part is glued to its "
-                "support; a bolt only presses, and makes more: see *Bolts* in *Your first bracket*"
+                "support, which stiffens what is near, too; a bolt only presses, and makes more "
+                "there and near it: see *Bolts* in *Your first bracket*"
             )
         if coarse:
             notes.append(

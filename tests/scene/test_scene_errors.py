@@ -249,8 +249,9 @@ def test_millimetres_and_gigapascals_are_asked_about():
     softer = wrong.with_overrides({"materials.steel.youngs_modulus": 21e4})
     assert "1 MPa is 1e6 Pa" in softer.notes[0]
     assert "much for a body of steel" in wrong.with_overrides({"materials": {}}).notes[0]
-    disk = {"radius": 0.3 * wrong.lattice.extent[0], "centre": [0.2 * wrong.lattice.extent[0]] * 2}
-    assert "this hole meets the edge" in wrong.with_region(disk=disk).notes[-1]
+    for share in (0.3, 0.2):  # up to the edge, and through it
+        disk = {"radius": 0.3 * 120.0, "centre": [share * 120.0] * 2}
+        assert "this hole meets the edge" in wrong.with_region(disk=disk).notes[-1]
     apart = disk | {"centre": [0.8 * wrong.lattice.extent[0]] * 2, "radius": 12.0}
     for at, idle in ((apart, True), (disk, False)):  # a part of steel where steel is, or in a hole
         notes = wrong.with_region(disk=disk).with_region(disk=at, material="steel").notes

@@ -18,9 +18,9 @@ from .sheets import Rim
 FLAT = 0.03
 """Height of a triangle over its shortest side below which it is flat. Of random bodies 33, 39 and
 166 had some of 1e-3 to 1e-7, with which their stress lost all digits."""
-FLIPPED = 0.1
-"""The same, below which it may be parted with its neighbour: of 40 plates pulled at a side that
-rounds off 6 missed 0.05 without, as one flat triangle held both the side and the free edge."""
+BESIDE = 0.1
+"""The same of triangles beside straight edges of the border along an axis: of 40 plates pulled at a
+side that rounds off 6 missed 0.05, as one flat triangle held both the side and the free edge."""
 THIRDS = np.array([(0, 1), (1, 2), (2, 0)])  # corners at the ends of a triangle's sides
 
 
@@ -93,7 +93,9 @@ class CutMesh:
         flat, longest = self._flatness, self._legs.argmax(axis=1)
         beyond = self.beside[self.edge[np.arange(len(flat)), longest]].sum(axis=1)
         beyond -= np.arange(len(flat))  # -1 beyond the border
-        rows = np.flatnonzero((flat < FLIPPED) & (beyond >= 0) & (self.law[beyond] == self.law))
+        ends, straight = self.beside[self.edge] < 0, (self.run[self.edge] == 0.0).any(axis=2)
+        thin = np.where((ends.any(axis=2) & straight).any(axis=1), BESIDE, FLAT)
+        rows = np.flatnonzero((flat < thin) & (beyond >= 0) & (self.law[beyond] == self.law))
         others = beyond[rows]
         a, b, tip = self.triangle[rows[:, None], (longest[rows, None] + np.arange(3)) % 3].T
         c = self.triangle[others].sum(axis=1) - a - b

@@ -209,7 +209,7 @@ class Scene(Description):
             made_of = ", ".join(one.name for one in self.cell_materials)  # metals, glass
             found.append(f"body: {wide:g} m are much for a body of {made_of}; {asked}")
         thick = self.body.thickness or 0.0  # as it was given
-        if self.plane == "stress" and thick >= 5.0 * wide:
+        if self.plane == "stress" and thick > 20.0 * wide:
             found.append(f"body.thickness: {thick:g} m are much for a plate of {wide:g} m; {asked}")
         if self.plane and not thick and any(load.pressure is None for load in self.loads):
             found.append("body.thickness is not given: 1 m is taken; is it meant so?")

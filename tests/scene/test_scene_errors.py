@@ -260,7 +260,7 @@ def test_millimetres_and_gigapascals_are_asked_about():
     twice = wrong.with_region(disk=disk).with_region(disk=over)
     assert any("regions.0' and 'body.regions.1' overlap" in note for note in twice.notes)
     assert "nothing is applied" in wrong.replace(loads=()).notes[0]
-    thick = [wrong.with_overrides({"body.thickness": t}).notes for t in (599.0, 600.0)]
+    thick = [wrong.with_overrides({"body.thickness": t}).notes for t in (2400.0, 2401.0)]
     assert ["m are much for a plate of 120 m" in str(notes) for notes in thick] == [False, True]
     for wide, told in ((10.0, True), (9.9, False)):  # only small bodies are of foam
         foam = {"body.size": [wide, wide], "materials.steel.youngs_modulus": 4e5}

@@ -27,8 +27,10 @@ class SpawningAgent(Agent):
         super().__init__(model)
         self.__dict__.update(birth)
 
-    children = property(lambda a: [a.model.agent(row) for row in a.model.family.children(a.row)])
-    """The agents that it spawned: none, or 4, or in three dimensions 8."""
+    @property
+    def children(self) -> list[SpawningAgent]:
+        """The agents that it spawned: none, or 4, or in three dimensions 8."""
+        return [self.model.agent(row) for row in self.model.family.children(self.row)]
 
     @property
     def retired_step(self) -> int | None:

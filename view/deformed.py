@@ -228,7 +228,7 @@ def settled(result: Any) -> ElasticResult:
 
 
 def stress_text(result: ElasticResult) -> str:
-    """Return the goals, and the largest stress: along an outline, or the mean over an agent."""
+    """Return the goals, and the largest stress: along an outline, or at a corner of an agent."""
     asked = where = ""
     for goal in result.goals:
         far = goal.components[0] if len(goal.components) == 1 else hypot(*goal.components)

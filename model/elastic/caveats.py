@@ -20,7 +20,7 @@ from kaju.model.scene import Scene
 from kaju.model.scene.shapes import Box
 from kaju.model.scene.surfaces import ClosedSurface
 
-from .corners import ON_EDGE, sharp_places, singular_at
+from .corners import ON_EDGE, singular_at
 
 if TYPE_CHECKING:
     from .elastic_result import ElasticResult
@@ -96,9 +96,8 @@ def _of_error(result: ElasticResult) -> Iterator[str]:
         why, agent = found.stopped, first_largest(result.gap)
         hint = f"; most of it lies at {_point(result.middle[agent])} m"
         if result.goals:  # whose errors lie elsewhere
-            hint = ""
-            if why == "stalled" and result.goals[0].place:
-                hint = "; stress may leap there, where a load begins or ends: let it end elsewhere"
+            leaps = "; stress may leap there, where a load begins or ends: let it end elsewhere"
+            hint = leaps if why == "stalled" and result.goals[0].place else ""
         if why in ("corners", "stalled", "depth") and found.ground.resolution is not None:
             why, hint = "resolution", "; a larger resolution allows smaller ones"
         proved = not (found.no_bound or any(goal.no_bound for goal in found.goals))
@@ -167,7 +166,7 @@ def _of_outlines(result: ElasticResult) -> Iterator[str]:
         yield f"no limit of stress at {many} {at}: it grows with smaller cells at {places} m{more}"
     if stepped or solid:
         # of a stepped body only what is no step: where supports and rollers end
-        every = sorted(set(sharp_places(grid)[1]))
+        every = sorted(set(result.sharp_cells[1]))
         reasons = [one for one in every if not stepped or one.endswith(" ends")]
         if reasons:
             at = f"{'along edges' if solid else 'at points'} ({'; '.join(reasons)})"

@@ -27,32 +27,45 @@ ROUND = np.array([[-1, -1], [0, -1], [0, 0], [-1, 0]])
 """The four cells round a point of the plane, each beside the next."""
 
 
-def sharp_places(scene: Scene) -> tuple[Floats, list[str]]:
-    """Return where (m) stresses grow without limit, and why: points, in space middles of edges."""
-    lattice, d = scene.lattice, scene.lattice.dimension
-    found, why = [np.empty((0, d))], []
-    for across, (reasons, which) in zip(combinations(range(d), 2), _patterns(scene), strict=False):
-        step, first = np.array(lattice.shape if scene.uniform else [1] * d), np.zeros(d)
+def sharp_places(scene: Scene, near: Floats | None = None) -> tuple[Floats, list[str]]:
+    """Return where (m) stresses grow without limit, and why: points, in space middles of edges.
+
+    In the whole array, or near a point alone.
+    """
+    lattice, d, h = scene.lattice, scene.lattice.dimension, scene.lattice.cell_size
+    if near is not None:
+        first = np.clip(np.floor(near / h), 0, lattice.shape).astype(np.int64) - 2
+        along = [
+            np.arange(max(low, -1), min(low + 5, n + 1))
+            for low, n in zip(first.tolist(), lattice.shape, strict=True)
+        ]
+    elif scene.uniform:  # a full box has none but at its own corners
+        along = [np.array([-1, 0, n]) for n in lattice.shape]
+    elif lattice.size <= MOST_CELLS:
+        along = [np.arange(-1, n + 1) for n in lattice.shape]
+    else:
+        return np.empty((0, d)), []
+    found, why, pairs = [np.empty((0, d))], [], combinations(range(d), 2)
+    for across, (reasons, which) in zip(pairs, _patterns(scene, along), strict=True):
+        lines: list[Floats] = [1.0 * cells[1:] for cells in along]  # below each but the first
         for axis in set(range(d)).difference(across):
-            which = np.repeat(which, step[axis], axis)
-            step[axis], first[axis] = 1, 0.5
-        sharp = np.array([bool(reason) for reason in reasons])[which]
-        found.append(first + step * np.argwhere(sharp))
-        why += [reasons[number] for number in which[sharp]]
-    return np.asarray(lattice.cell_size * np.concatenate(found)), why
+            lines[axis] = np.arange(along[axis][1], along[axis][-1]) + 0.5
+            which = np.repeat(which, len(lines[axis]) // which.shape[axis], axis)
+        at = np.argwhere(np.array([bool(reason) for reason in reasons])[which])
+        found.append(np.stack([line[k] for line, k in zip(lines, at.T, strict=True)], axis=1))
+        why += [reasons[number] for number in which[tuple(at.T)]]
+    return np.asarray(h * np.concatenate(found)), why
 
 
-def _patterns(scene: Scene) -> Iterator[tuple[list[str], Ints]]:
-    """Yield for each pair of axes why stresses have no limit, and which reason each corner has."""
-    lattice = scene.lattice
-    if lattice.size > MOST_CELLS and not scene.uniform:
-        return
-    # A full box has none but at its own corners.
-    ends = [np.array([-1, 0, n]) if scene.uniform else np.arange(-1, n + 1) for n in lattice.shape]
-    cells = np.stack(np.meshgrid(*ends, indexing="ij"), axis=-1)
-    kinds = scene.kinds(cells.reshape(-1, lattice.dimension)).reshape(cells.shape[:-1])
+def _patterns(scene: Scene, along: list[Ints]) -> Iterator[tuple[list[str], Ints]]:
+    """Yield for each pair of axes why stresses have no limit, and which reason each corner has.
+
+    Of the corners between the cells `along` each axis.
+    """
+    cells = np.stack(np.meshgrid(*along, indexing="ij"), axis=-1)
+    kinds = scene.kinds(cells.reshape(-1, len(along))).reshape(cells.shape[:-1])
     base = int(np.ptp(kinds)) + 1
-    for across in combinations(range(lattice.dimension), 2):
+    for across in combinations(range(len(along)), 2):
         around = np.stack(
             [_beside(kinds, dict(zip(across, step, strict=True))) for step in ROUND], axis=-1
         )
@@ -73,7 +86,7 @@ def _beside(kinds: Ints, steps: dict[int, int]) -> Ints:
 
 def singular_at(scene: Scene, point: Floats) -> str:
     """Return why stresses have no limit at a point (m); empty if they have, or it is unknown."""
-    (places, reasons), h = sharp_places(scene), scene.lattice.cell_size
+    (places, reasons), h = sharp_places(scene, np.asarray(point)), scene.lattice.cell_size
     # an edge reaches half a cell to either side of its middle
     reach = h * (ON_EDGE + 0.5 * (np.rint(2.0 * places / h) % 2))
     for number in np.flatnonzero((np.abs(places - point) <= reach).all(axis=1)):

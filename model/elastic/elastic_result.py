@@ -20,6 +20,7 @@ from kaju.model.elastic.equal.equal_arrays import EqualArrays
 from kaju.model.elastic.goals.duals import goal_of
 from kaju.model.elastic.goals.quantities import (
     HOOP,
+    VON_MISES,
     Goal,
     Place,
     Quantity,
@@ -385,7 +386,12 @@ class ElasticResult(BodyResult):
     def sharp_corners(self) -> Floats:
         """Points (m) at which stresses grow without limit; in space middles of edges of cells."""
         cut = self.cut_agents
-        return sharp_places(self.grid)[0] if cut is None else cut.ground.without_limit
+        return self.sharp_cells[0] if cut is None else cut.ground.without_limit
+
+    @cached_property
+    def sharp_cells(self) -> tuple[Floats, list[str]]:
+        """Where (m) cells have no limit of stress, and why: `sharp_places`."""
+        return sharp_places(self.grid)
 
     def holds(self, points: Floats) -> Flags:
         """Tell which points (m), shape (n, dimension), lie in the body or on its surface."""
@@ -489,7 +495,7 @@ class ElasticResult(BodyResult):
                 return goal.value
         at, component = (getattr(asked, name, None) for name in ("at", "component"))
         named = isinstance(at, str) and at in [region.name for region in self.scene.body.regions]
-        if component == HOOP or (named and component == "von_mises"):
+        if component == HOOP or (named and component == VON_MISES):
             places, _ = self.outline_stress(name := str(at))  # refuses other names
             if found := self.largest_along(component).get(name):
                 return found[0]

@@ -73,16 +73,17 @@ class EdgeLoad:
         """Return tangents along a line of the box, as boxes, of arcs that go away beyond it."""
         if not self.regions or not np.isfinite(self.box).all():
             return np.empty((0, 2, 2))
-        frames = ArcFrames(np.concatenate([region.arcs for region in self.regions.values()]))
-        within = true_shapes.inside(self.box, 0.5 * (frames.start + frames.end), 0.0)
-        legs = _legs_of(frames, ~within)
+        arcs = np.concatenate([region.arcs for region in self.regions.values()])
+        ends = arcs[:, [0, -1], :2] / arcs[:, [0, -1], 2:]
+        legs = _legs_of(arcs[~true_shapes.inside(self.box, ends.mean(axis=1), 0.0)])
         return legs[true_shapes.on_border(self.box, legs).all(axis=1)]
 
 
-def _legs_of(frames: ArcFrames, some: Flags) -> Floats:
-    """Return tangents along an axis of some arcs, as boxes, (n, 2, 2)."""
+def _legs_of(arcs: Floats) -> Floats:
+    """Return the tangents of curved arcs that run along an axis, as boxes, (n, 2, 2)."""
+    frames = ArcFrames(arcs)
     both = [frames.start, frames.tip], [frames.tip, frames.end]
-    legs = np.concatenate([np.stack(ends, axis=1)[some & (frames.turn != 0.0)] for ends in both])
+    legs = np.concatenate([np.stack(ends, axis=1)[frames.turn != 0.0] for ends in both])
     return np.sort(legs[np.ptp(legs, axis=1).min(axis=1) < CLOSE], axis=1)
 
 
@@ -168,8 +169,7 @@ class OutlinedBody:
         """Tell which places are on tangents of arcs that leave them, with air on one side."""
         found, inner = [], places + BESIDE * (0.5 * np.array(self.shape) - places)
         for which, region in enumerate(self.true.regions):
-            frames = ArcFrames(region.arcs)
-            for leg in _legs_of(frames, frames.turn != 0.0):
+            for leg in _legs_of(region.arcs):
                 on = np.flatnonzero(true_shapes.inside(leg, places))
                 laws = zip(on, self._below(which, inner[on]), strict=True)
                 found += [k for k, law in laws if (law == AIR) != (region.law == AIR)]

@@ -133,6 +133,12 @@ def test_at_singular_places_no_stress_is_given_as_a_number(scene, places):
                 answer.value_of(Stress(at, component))
 
 
+def test_a_corner_among_many_cells_is_no_goal():
+    many = plate(NOTCHED[:1], 1200, GROUND, side="top", force=[1000.0, 0.0])
+    with pytest.raises(SingularPlaceError, match="a re-entrant corner"):
+        solve(many, tolerance=0.1, goal=Stress((0.1, 0.1), "xx"))
+
+
 @pytest.mark.parametrize(
     "at", [(0.05, 0.02), (0.0, 0.2), (0.1, 0.2), (0.15, 0.1), (0.1, 0.0), (0.11, 0.04)]
 )

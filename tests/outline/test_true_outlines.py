@@ -530,9 +530,8 @@ def test_a_bracket_drawn_along_the_sides_is_loaded_by_part_of_its_edge() -> None
 def test_a_side_that_rounds_off_is_loaded_as_far_as_it_is_straight(force: list[float]) -> None:
     path = "M 0 0 H 0.07 V 0.037 A 0.012 0.012 0 0 1 0.058 0.049 H 0 Z"
     part = {"path": path, "material": "steel", "outline": "true"}
-    places = {"side": "right"}, boxed(0.07, 0.0, 0.07, 0.049)  # of a larger array
-    bounds = []
-    for place, more in zip(places, (0, 1), strict=True):
+    bounds, of_a_larger_array = [], boxed(0.07, 0.0, 0.07, 0.049)
+    for more, place in enumerate([{"side": "right"}, of_a_larger_array]):
         size, cells = [0.07 + 0.007 * more, 0.049 + 0.007 * more], [10 + more, 7 + more]
         body = {"size": size, "cells": cells, "material": "air", "regions": [part]}
         loads = [place | {"force": force}]

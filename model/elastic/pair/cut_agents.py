@@ -98,7 +98,8 @@ class CutAgents(PairAgents):
 
     def cells_at(self, points: Floats) -> tuple[Ints, Flags]:
         """Return agents in or on which points (m) lie, and which lie in the body or on its edge."""
-        return self._leaf(points_in(points, 2)), np.asarray(self.material_at(points) >= 0)
+        leaf = self._leaf(points := points_in(points, 2))
+        return leaf, np.asarray((leaf >= 0) & (self.ground.material_at(points) >= 0))
 
     def material_at(self, points: Floats) -> Ints:
         """Return which of the scene's materials is at points (m), -1 outside of the body."""

@@ -302,8 +302,8 @@ class CutFitting(CutField):
         """Return the displacement at points of leaves, (n, 2); beyond the body that beside it."""
         some, triangle, share = self._there(leaf, points)
         out = np.zeros((len(points), 2))
-        # beside what is rigid or pinned all moves as the nearest vertex
-        out[~some] = self.value.reshape(-1, 2)[nearest(self.mesh.place, points[~some])[1]]
+        if not some.all():  # beside what is rigid or pinned all moves as the nearest vertex
+            out[~some] = self.value.reshape(-1, 2)[nearest(self.mesh.place, points[~some])[1]]
         values = np.concatenate([share, 4.0 * share * np.roll(share, -1, axis=1)], axis=1)
         out[some] = np.einsum("nk,nkd->nd", values, self.own[triangle].reshape(-1, 6, 2))
         return out

@@ -47,6 +47,13 @@ def test_both_answers_are_drawn_with_one_quantity_scale_and_magnification(twin):
     assert rule["factor"] == elastic["factor"] > 0
 
 
+def test_loads_beyond_all_bounds_leave_elasticity_its_colours(twin):
+    twin.press("Make it blow up")
+    twin.until("page.run.grown && page.elastic.answer && (page.draw(), page.drawn)")
+    for drawn in both(twin, "along"):
+        assert drawn["scale"]["high"] == pytest.approx(2.0, rel=0.1)  # the load, not 50 GN
+
+
 @pytest.mark.parametrize("dark", [False, pytest.param(True, marks=pytest.mark.slow)])
 def test_both_ways_of_looking_are_open_to_everybody(opened, scene, tmp_path, dark):
     path = kaju.export_page(scene, tmp_path / "plate.html")

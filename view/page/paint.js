@@ -382,5 +382,5 @@ export function paintLegend({ ctx, w, h }, scale, label, kind, show, inks, ticks
   word(low, (log ? "≤ " : "") + show(low));
   const between = log ? [0.01, 0.1].map((f) => f * high) : low < 0 ? [0] : high > 1 && (low + high) % 2 && /^\d+$/.test(show(low) + show(high)) ? [] : [(low + high) / 2];   // of what is counted nothing lies between
   for (const v of between) if (n * place(v, scale) + ctx.measureText(show(v)).width / 2 + 10 < n - wideHigh) word(v, show(v));   // both ends always have theirs
-  word(high, show(high));
+  word(high, (scale.beyond ? "≥ " : "") + show(high));
 }

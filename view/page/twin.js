@@ -9,6 +9,7 @@ import { hand } from "./scene.js";
 import { general, quantity, roundDown } from "./words.js";
 
 const NOTHING = 1 / 400, SHADES = 4;              // of a scale: what looks like nothing; steps of a difference below and above it
+const largest = (values) => values.reduce((top, v) => (Math.abs(v) > top ? Math.abs(v) : top), 0);   // of what is known: NaN is no body
 const settings = ({ look }) => (look.twin?.layout ? look.twin : (look.twin = { show: "along", layout: "swipe", split: null, ruler: null, ...look.twin }));   // a lesson names some
 
 /** Both answers at this generation, and the ends and the magnification that both are drawn with. */
@@ -19,13 +20,14 @@ export function bothOf(page, show = settings(page).show) {
   if (!page.scales.has("twin")) {              // from the end of the run, so that generations compare
     const keep = page.g, ends = {};
     page.goTo(Infinity);
-    for (const [name, values] of Object.entries(ruled())) ends[name] = Math.max(...[values, answer?.fields[name] ?? []].map((list) => list.reduce((top, v) => (Math.abs(v) > top ? Math.abs(v) : top), 0))) || 1;
+    // loads beyond all bounds would make elasticity look like nothing
+    for (const [name, values] of Object.entries(ruled())) ends[name] = Math.max(largest(run.grown && answer && name !== "move" ? [] : values), largest(answer?.fields[name] ?? [])) || 1;
     page.goTo(keep);
     page.scales.set("twin", ends);
   }
   const ends = page.scales.get("twin"), high = ends[show], log = unit !== "m";
   const factor = look.deformed ? roundDown(10 ** look.magnify * 0.066 * Math.max(...L.shape) * L.h / ends.move) : 0;
-  return { quantity: show, unit, factor, scale: { low: log ? high * NOTHING : 0, high, log }, small: high * NOTHING, rule: ruled()[show], elastic: answer?.fields[show] ?? null };
+  return { quantity: show, unit, factor, scale: { low: log ? high * NOTHING : 0, high, log, beyond: run.grown && answer }, small: high * NOTHING, rule: ruled()[show], elastic: answer?.fields[show] ?? null };
 }
 
 /** What the rule's cells show: all agents have a colour, those too that loads across have woken. */
@@ -46,7 +48,7 @@ function paintAnswer(page, canvas, name, both) {
 
 /** The rule less elasticity in steps: what is small on the common scale looks like nothing, in both directions alike. */
 export function stepsOf({ rule, elastic, small }) {
-  const gap = rule.map((v, k) => v - elastic[k]), most = gap.reduce((top, d) => (Math.abs(d) > top ? Math.abs(d) : top), small * 2), reach = Math.log(most / small);
+  const gap = rule.map((v, k) => v - elastic[k]), most = Math.max(largest(gap), small * 2), reach = Math.log(most / small);
   const step = (d, count) => Math.min(count, 1 + Math.floor(count * Math.log(Math.abs(d) / small) / reach));
   return { gap, most, steps: gap.map((d) => (Math.abs(d) <= small ? 0 : Math.sign(d) * step(d, SHADES))) };
 }

@@ -88,8 +88,8 @@ def quotations(found: Sequence[Measurement], processor: str) -> tuple[str, str]:
     rows = ratios(found)
     equal = [row[name] for row in rows for name in EQUAL if name in row]
     adaptive = [row["quadratic"] for row in rows if "quadratic" in row]
-    readme = "| largest error | `solve` | adaptive, second order | equal, first order |\n"
-    readme += "|---|---|---|---|\n"
+    readme = "| largest error | `solve` | adaptive finite elements, second order "
+    readme += "| equal finite elements, first order |\n|---|---|---|---|\n"
     for row in rows:
         if row["body"] == "plate":
             quickest = min([row[name] for name in EQUAL if name in row], default=0.0)

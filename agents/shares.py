@@ -43,9 +43,7 @@ class Load(NamedTuple):
         """Refuse to be taken for a number, or for a tuple to repeat."""
         raise AgentError("load: is no number; take load.total (N), its magnitude times its copies")
 
-    def __rmul__(self, factor: object) -> Any:
-        """Refuse it on this side, too."""
-        return self * factor
+    __rmul__ = __mul__
 
     def turned(self) -> Load:
         """Return the load with the same force and the other sense: it travels back."""

@@ -12,7 +12,7 @@ from numpy.random import default_rng
 from kaju._mesa import DataCollector, Model, number_agents_of, track_figures
 from kaju.agents.own_agents import noting_agents
 from kaju.errors import AgentError, ParameterError, brief, require
-from kaju.result_kinds import NOTEBOOK, fetch
+from kaju.result_kinds import html_in_notebook
 
 
 class SteppedModel(Model):
@@ -151,10 +151,7 @@ class SteppedModel(Model):
             options["allow_unstable"] = True
         return type(self)(scene, **options | changed)
 
-    def _repr_html_(self) -> str:
-        """Return what a notebook shows: the page, with what has happened so far."""
-        html: str = fetch(NOTEBOOK)(self)
-        return html
+    _repr_html_ = html_in_notebook  # of what has happened so far
 
     def arguments(self) -> tuple[dict[str, Any], dict[str, Any]]:
         """Return the model's plain arguments, and classes and functions of your own."""

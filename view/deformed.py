@@ -17,13 +17,13 @@ from kaju.arrays import Floats, Ints
 from kaju.errors import ParameterError
 from kaju.model.elastic.goals.quantities import HOOP, Stress
 from kaju.model.results.mesh import same_points
-from kaju.model.results.result import BodyResult, Tiles
+from kaju.model.results.result import BodyResult
 from kaju.model.transfer.transfer_result import TransferResult
 
 from .body_plots import BodyPicture
 from .charts import applied_loads, from_end, moment_text
 from .films import PER_SECOND, Film
-from .layers import OUTLINED, layer_of, squares_of, usual_top
+from .layers import OUTLINED, Tiles, layer_of, squares_of, usual_top
 from .section import Cut, Section, check_number, check_word, section_of
 from .style import FAINT, SIZE, add_polygons, colour_bar
 from .units import quantity, times, visible

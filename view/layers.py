@@ -13,7 +13,6 @@ from matplotlib.collections import PolyCollection
 from kaju.arrays import Floats, Ints
 from kaju.errors import ParameterError
 from kaju.model.results.mesh import corner_order
-from kaju.model.results.result import Tiles
 
 from .section import Arrows, Cut, Section, TrueLines, axis_across, layer_at, named_cut, section_of
 from .style import add_polygons
@@ -26,6 +25,14 @@ FINEST = 800
 """Agents smaller than this part of the picture are drawn together."""
 OUTLINED = 160
 """Agents smaller than this part of the picture are drawn without outlines."""
+
+
+class Tiles(NamedTuple):
+    """Squares or cubes with a value each: what maps, sections and solids are drawn of."""
+
+    lower: Floats  # lower corners (m), shape (n, dimension)
+    size: Floats  # edges (m), shape (n,)
+    value: Floats  # shape (n,)
 
 
 def layer_of(result: ElasticResult, cut: Cut = None, crop: bool | None = None) -> Section:

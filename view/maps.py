@@ -11,12 +11,11 @@ from matplotlib.collections import PolyCollection
 from matplotlib.colors import Normalize
 
 from kaju.arrays import Floats, Ints, first_largest
-from kaju.model.results.result import Tiles
 from kaju.model.transfer.transfer_result import TransferResult
 
 from .body_plots import BodyPicture, draw_cells
 from .deformed import settled
-from .layers import draw_squares, layer_of, squares_of, usual_top
+from .layers import Tiles, draw_squares, layer_of, squares_of, usual_top
 from .load_plots import load_norm
 from .section import Cut, Section, check_word, section_of
 from .style import DIVERGING, LOADS, SIZE, colour_bar

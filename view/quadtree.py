@@ -15,12 +15,11 @@ from matplotlib.colors import LogNorm, Normalize
 
 from kaju.arrays import Flags, Floats
 from kaju.errors import ParameterError
-from kaju.model.results.result import Tiles
 
 from .body_in_space import box_around, draw_boxes, space_for
 from .body_plots import BodyPicture
 from .films import Film
-from .layers import FINEST, draw_squares, layer_of, merge_small, small_agents, squares_of
+from .layers import FINEST, Tiles, draw_squares, layer_of, merge_small, small_agents, squares_of
 from .section import Cut, check_number, check_word
 from .style import SEQUENTIAL, SIZE, caption, colour_bar, count_bar, count_norm
 from .units import counted, grouped, quantity

@@ -187,11 +187,3 @@ def answer_of(subject: Any) -> Any:
     if hasattr(subject, "step") and hasattr(subject, "result"):
         return subject.result() if callable(subject.result) else subject.result
     return subject
-
-
-def question_of(subject: Any) -> Any:
-    """Return what can be solved: the scene or network of a model or a file, or the subject."""
-    subject = from_file(subject)
-    if hasattr(subject, "step"):
-        return getattr(subject, "scene", None) or getattr(subject, "network", subject)
-    return subject

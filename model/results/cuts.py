@@ -99,10 +99,22 @@ def axis_of_cuts(lattice: Lattice, axis: str | None, force: Floats) -> int:
 
 def cuts_of(scene: Scene, stage: int | None, axis: int, parts: Carrying) -> Cuts:
     """Return the cuts across an axis through a body whose parts carry so much."""
-    pitch = float(scene.lattice.pitch[axis, axis])
-    ends = _layers(scene, axis, parts, pitch)
+    lattice = scene.lattice
+    pitch = float(lattice.pitch[axis, axis])
+    # Layers are as thin as cells of the scene, but none crosses a part.
+    first, last = (int(end[axis]) for end in scene.bounds())
+    corner = np.zeros((1, lattice.dimension), dtype=np.int64)
+    start = float(lattice.centres(corner)[0, axis]) - 0.5 * pitch
+    ends: Floats = start + pitch * np.arange(first, last + 1, dtype=np.float64)
+    low = parts.middle[:, axis] - 0.5 * parts.height
+    thick = parts.height > (1.0 + _NEAR) * pitch
+    spans = np.unique(np.rint(np.stack([low, parts.height], axis=1)[thick] / pitch), axis=0)
+    crossed = np.zeros(len(ends), dtype=np.bool_)
+    for begin, height in (spans - [first, 0.0]).astype(np.int64).tolist():
+        crossed[max(begin + 1, 0) : begin + height] = True
+    ends = ends[~crossed]
     applied = scene.applied(stage)
-    places = scene.lattice.face_middles(applied.cells, applied.direction)[:, axis]
+    places = lattice.face_middles(applied.cells, applied.direction)[:, axis]
     held = _held(scene, axis, ends, _NEAR * pitch)
     return cuts_through(axis, ends, parts, (places, applied.force), held)
 
@@ -129,22 +141,6 @@ def cuts_through(
     loaded = 2.0 * np.abs(beyond[:, axis]) >= abs(total[axis])
     sense = np.where(~above[:, axis] | (below[:, axis] & loaded), 1.0, -1.0)
     return Cuts("xyz"[axis], lower + 0.5 * thick, force, needed, float(total[axis]), sense)
-
-
-def _layers(scene: Scene, axis: int, parts: Carrying, pitch: float) -> Floats:
-    """Return where layers end (m): as thin as cells of the scene, but none crosses a part."""
-    lattice = scene.lattice
-    first, last = (int(end[axis]) for end in scene.bounds())
-    corner = np.zeros((1, lattice.dimension), dtype=np.int64)
-    start = float(lattice.centres(corner)[0, axis]) - 0.5 * pitch
-    ends: Floats = start + pitch * np.arange(first, last + 1, dtype=np.float64)
-    low = parts.middle[:, axis] - 0.5 * parts.height
-    thick = parts.height > (1.0 + _NEAR) * pitch
-    spans = np.unique(np.rint(np.stack([low, parts.height], axis=1)[thick] / pitch), axis=0)
-    crossed = np.zeros(len(ends), dtype=np.bool_)
-    for begin, height in (spans - [first, 0.0]).astype(np.int64).tolist():
-        crossed[max(begin + 1, 0) : begin + height] = True
-    return ends[~crossed]
 
 
 def _held(scene: Scene, axis: int, ends: Floats, near: float) -> tuple[Flags, Flags]:

@@ -14,7 +14,7 @@ import numpy as np
 from kaju.arrays import Flags, Floats, Ints, points_in
 from kaju.errors import ResultError, suggestion
 from kaju.model.scene import Scene, body_cells
-from kaju.result_kinds import KINDS, NOTEBOOK, fetch
+from kaju.result_kinds import KINDS, html_in_notebook
 
 from .archive import Stored
 from .cuts import Carrying, Cuts, axis_of_cuts, cuts_of
@@ -121,18 +121,7 @@ class Result(Stored):
         figures = ", ".join(f"{key}={value!r}" for key, value in self.summary().items())
         return f"{type(self).__name__}({figures})"
 
-    def _repr_html_(self) -> str:
-        """Return what a notebook shows: the page, or a picture."""
-        html: str = fetch(NOTEBOOK)(self)
-        return html
-
-
-class Tiles(NamedTuple):
-    """Squares or cubes with a value each: what maps, sections and solids are drawn of."""
-
-    lower: Floats  # lower corners (m), shape (n, dimension)
-    size: Floats  # edges (m), shape (n,)
-    value: Floats  # shape (n,)
+    _repr_html_ = html_in_notebook
 
 
 def solved_scene(result: Any) -> Scene:

@@ -24,7 +24,7 @@ from kaju.agents.rules import PrescribedRule
 from kaju.arrays import Flags, Floats, Ints
 from kaju.errors import ParameterError, SceneError, SceneFileError, brief
 from kaju.files import atomic_file, text_of_file
-from kaju.result_kinds import NOTEBOOK, fetch
+from kaju.result_kinds import html_in_notebook
 
 from . import cell_types, description
 from .curves import flattened
@@ -148,10 +148,7 @@ class Scene(Description):
         rest = {name: value for name, value in others.items() if name in cls.model_fields}
         return cls(body={key: picture, "cell_size": cell_size, **body}, legend=legend, **rest)
 
-    def _repr_html_(self) -> str:
-        """Return what a notebook shows: the drawing."""
-        html: str = fetch(NOTEBOOK)(self)
-        return html
+    _repr_html_ = html_in_notebook
 
     @property
     def outlined(self) -> bool:

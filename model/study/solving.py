@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from kaju.errors import OutOfMemoryError, ParameterError, SupportError, brief, by_name
 from kaju.model.elastic.arguments import SMALLEST, check_numbers
-from kaju.model.results.archive import question_of
+from kaju.model.results.archive import from_file
 from kaju.model.scene import Scene
 from kaju.stepping import interruptible
 
@@ -91,7 +91,9 @@ def solve(
     >>> answer.tolerance_kept, answer.error_bound < 0.05
     ('proved', True)
     """
-    asked: Any = question_of(scene)
+    asked: Any = from_file(scene)
+    if hasattr(asked, "step"):  # a model: what it was asked
+        asked = getattr(asked, "scene", None) or getattr(asked, "network", asked)
     if not isinstance(asked, Scene):
         raise ParameterError(
             "scene: a Scene, a model of one, or the path of a scene is needed, got "

@@ -18,8 +18,6 @@ _SCENE = {"scene": "view.plots:plot_scene"}
 _CURVES = "view.charts:plot_curves"
 _CREPT = {"curves": "view.charts:plot_curves_in_time"}
 _IN_TIME = {"times": "view.deformed:TIMES", "curves": "view.charts:IN_TIME"}
-NOTEBOOK = "view.page.export:html_of"
-"""The function that returns what a notebook shows of a model or a result."""
 
 
 @dataclass(frozen=True)
@@ -138,3 +136,9 @@ def fetch(entry: str) -> Any:
     """Return what an entry names."""
     module, _, name = entry.partition(":")
     return getattr(import_module(f"kaju.{module}"), name)
+
+
+def html_in_notebook(of: Any) -> str:
+    """Return what a notebook shows of a scene, a model or a result: a picture, or the page."""
+    html: str = fetch("view.page.export:html_of")(of)
+    return html

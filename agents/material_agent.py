@@ -12,14 +12,7 @@ from kaju.errors import brief
 
 from .materials import Material
 from .parameter import is_number
-from .shares import Emission, Emissions, Load, Sense, Shares
-
-
-class Amounts(dict[int, float]):
-    """Loads (N) by number; a number without an entry has 0."""
-
-    def __missing__(self, number: int) -> float:
-        return 0.0
+from .shares import Amounts, Emission, Emissions, Load, Sense, Shares
 
 
 class LoadBox(dict[tuple[int, float, Sense], float]):

@@ -11,6 +11,13 @@ Sense = Literal["push", "pull"]
 """A push travels along its force, a pull against it."""
 
 
+class Amounts(dict[Any, float]):
+    """Loads or shares that are added up by a key; a key without an entry has 0."""
+
+    def __missing__(self, key: object) -> float:
+        return 0.0
+
+
 class Load(NamedTuple):
     """A load that reaches an agent.
 
@@ -43,7 +50,9 @@ class Load(NamedTuple):
         """Refuse to be taken for a number, or for a tuple to repeat."""
         raise AgentError("load: is no number; take load.total (N), its magnitude times its copies")
 
-    __rmul__ = __mul__
+    def __rmul__(self, factor: object) -> Any:
+        """Refuse it on this side, too."""
+        return self * factor
 
     def turned(self) -> Load:
         """Return the load with the same force and the other sense: it travels back."""
@@ -126,18 +135,16 @@ class Shares(NamedTuple):
     ) -> tuple[Emission, ...]:
         """Return what leaves the agent for each newton of a load whose force has a `direction`."""
         other: Sense = "pull" if sense == "push" else "push"
-        # Ahead and beside the sense is kept; under a push the neighbour behind is pulled.
-        passed = [((arm, direction, sense), self.forward * w) for arm, w in way.ahead]
-        passed += [((arm, direction, other), self.backward * w) for arm, w in way.behind]
+        shares = Amounts()  # over one arm, along one direction and in one sense they are one load
+        for arm, weight in way.ahead:
+            shares[arm, direction, sense] += self.forward * weight
+        for arm, weight in way.behind:  # under a push this neighbour is pulled
+            shares[arm, direction, other] += self.backward * weight
         outwards = sense if self.poisson >= 0.0 else other
         for arm, friction, poisson in way.beside:
-            passed.append(((arm, direction, sense), self.friction * friction))
+            shares[arm, direction, sense] += self.friction * friction
             force = arm if outwards == "push" else opposite[arm]
-            passed.append(((arm, force, outwards), abs(self.poisson) * poisson))
-        # Shares over one arm, along one direction and in one sense are one load.
-        shares: dict[tuple[int, int, Sense], float] = {}
-        for key, share in passed:
-            shares[key] = shares.get(key, 0.0) + share
+            shares[arm, force, outwards] += abs(self.poisson) * poisson
         return tuple(
             Emission(arm, to, share, how) for (arm, to, how), share in shares.items() if share > 0.0
         )

@@ -22,10 +22,10 @@ import numpy as np
 from kaju import _mesa
 from kaju._mesa import AgentSet, Cell, DiscreteSpace, FixedAgent, Model
 from kaju.agents.boundary_agent import BOUNDARIES, BoundaryAgent
-from kaju.agents.material_agent import Amounts, LoadBox, MaterialAgent, PlacedAgent
+from kaju.agents.material_agent import LoadBox, MaterialAgent, PlacedAgent
 from kaju.agents.own_agents import OwnAgents
 from kaju.agents.parameter import State, declared
-from kaju.agents.shares import Emission, Emissions, Load, Sense, Shares, Split
+from kaju.agents.shares import Amounts, Emission, Emissions, Load, Sense, Shares, Split
 from kaju.arrays import Floats, Ints
 from kaju.errors import AgentError, brief
 from kaju.model.scene.lattice import BUILT_IN, Lattice

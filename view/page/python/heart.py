@@ -17,10 +17,10 @@ from kaju.model.transfer import agent_engine, load_model, transfer
 
 WHOLE: tuple[Any, ...] = (
     errors.KajuError, errors.ParameterError, errors.AgentError, errors.brief, errors.require,
-    stepping.chosen, shares.Load, shares.Emission, shares.Emissions, shares.Lateral,
-    shares.Neighbourhood, shares.Shares, parameter.is_number, parameter.declared,
-    parameter.Declaration, parameter.Parameter, parameter.State, material_agent.Amounts,
-    material_agent.LoadBox, material_agent.PlacedAgent, material_agent.MaterialAgent,
+    stepping.chosen, shares.Amounts, shares.Load, shares.Emission, shares.Emissions,
+    shares.Lateral, shares.Neighbourhood, shares.Shares, parameter.is_number, parameter.declared,
+    parameter.Declaration, parameter.Parameter, parameter.State, material_agent.LoadBox,
+    material_agent.PlacedAgent, material_agent.MaterialAgent,
     boundary_agent.BoundaryAgent, boundary_agent.FreeBoundaryAgent,
     boundary_agent.RigidBoundaryAgent, boundary_agent.RollerBoundaryAgent,
     own_agents.OwnAgents, transfer.check_shares,

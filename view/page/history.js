@@ -7,15 +7,12 @@ export class Log {
     this.index = index; this.value = value; this.offset = offset; this.n = offset[offset.length - 1];
   }
   push(index, value) {
-    if (this.n === this.index.length) this.grow(2 * this.n);
-    this.index[this.n] = index; this.value[this.n++] = value;
-  }
-  grow(size) {
-    for (const name of ["index", "value"]) {
-      const larger = new this[name].constructor(Math.max(size, 256));
+    if (this.n === this.index.length) for (const name of ["index", "value"]) {
+      const larger = new this[name].constructor(2 * this.n || 256);
       larger.set(this[name]);
       this[name] = larger;
     }
+    this.index[this.n] = index; this.value[this.n++] = value;
   }
   close() { this.offset.push(this.n); }
 }

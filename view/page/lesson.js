@@ -20,7 +20,7 @@ export class Lesson {
     addEventListener("storage", ({ key }) => { if (key === this.place) { this.read(); page.rebuild(); } });   // answers typed in another page of the lesson
   }
   /** Open where the reader was, in this page or another one of the lesson; that one at the question that asks for it. */
-  begin() { if (this.was > 0 && this.questions[this.was]) this.go(this.was); else this.open(0, true); }
+  begin() { if (this.was > 0) this.go(this.was); else this.open(0, true); }
   get place() { return `kaju:lesson:${this.key}`; }
   read() {                                     // storage fails in private windows and in some files
     try {
@@ -38,6 +38,8 @@ export class Lesson {
   forget() { Object.assign(this, { answers: {}, guesses: {}, firsts: {}, done: [], shown: "guess" }); this.keep(); this.open(0); }
   get question() { return this.questions[this.at]; }
   said(text) { return text === DRAWN ? this.page.t("drawn") : text; }
+  /** All that was written to a question. */
+  own(q) { return [this.said(this.answers[q.key]) ?? []].flat().filter((text) => text.trim()).join(" · "); }
   of(step) { return this.questions.filter((q) => q.step === step); }
   /** What of a question is still to be filled in or ticked, in its own words. */
   missing(q) {
@@ -85,7 +87,7 @@ export class Lesson {
   }
   go(at, quiet = false) {
     const { page } = this;
-    this.at = at; this.step = this.question?.step ?? this.step;
+    this.at = at; this.step = this.question?.step ?? (at > 0 ? "try" : this.step);   // behind the last question there is the comparison
     page.playing = false; if (this.kept) this.keep();
     const { show, until } = this.question ?? {}, preset = page.presets[show?.preset];
     if (preset && (!quiet || show.preset)) page.load({ ...preset, generation: Math.min(show.generation ?? 0, this.limit) });
@@ -101,9 +103,9 @@ export class Lesson {
   get next() {
     const own = this.of(this.step), more = this.question && own[own.indexOf(this.question) + 1], step = STEPS.indexOf(this.step) + 1, last = step === STEPS.length;
     if (more) return { word: "nextQuestion", go: () => this.go(this.questions.indexOf(more)) };
+    if (last && this.question) return { word: "compare", go: () => { this.finish(); this.go(this.questions.length); } };
     return last && !this.index ? null : { step, word: last ? "lessons" : "nextStep", go: () => { if (!last) { this.enter(step); return; } this.finish(); location.href = this.index; } };
   }
-  get back() { return this.at > 0 ? () => this.go(this.at - 1) : null; }
   /** Whether a question is done: whole, and its numbers are right. */
   isDone(q) { return this.answered(q) && (q.kind !== "number" || q.step === "predict" || q.fields.every((field, i) => isRight(field, numberIn(this.answers[q.key][i], this.page.say(field.unit) ?? "")))); }
   finish() {
@@ -155,8 +157,8 @@ export class Lesson {
     if (this.home !== "guess" || !tally?.isConnected) return;
     const found = this.compared(page.g), shown = this.shown === "both";
     for (const kind of ["hit", "miss", "false"]) tally.querySelector(`.${kind} b`).textContent = shown ? found[kind].length : "–";
-    for (const canvas of this.small ?? []) {
-      const at = Number(canvas.dataset.g), view = new View(canvas, page.run.lattice, null, { window: this.window(), tight: true });
+    for (const [i, canvas] of (this.small ?? []).entries()) {
+      const at = i + 1, view = new View(canvas, page.run.lattice, null, { window: this.window(), tight: true });
       canvas.parentNode.ariaPressed = String(at === page.g);
       paintGuess(this, view, at, page.inks, at <= page.g ? this.shown : "guess");
     }
@@ -256,10 +258,10 @@ export function lessonSide(page) {
   const face = (name) => make("span", { className: kind(name) }, make("i", {}, kind(name) ? icon(kind(name)) : String(STEPS.indexOf(name) + 1)), t(`step_${name}`));
   const tabs = tabList(page, STEPS, lesson.step, face, (name) => lesson.enter(STEPS.indexOf(name)));
   tabs.classList.add("steps");
-  const panel = make("div", { role: "tabpanel", id: `panel-${lesson.step}`, ariaLabel: t(`step_${lesson.step}`) }, ...(q ? questionCards(lesson, q) : []), ...stepCards(page));
+  const panel = make("div", { role: "tabpanel", id: `panel-${lesson.step}`, ariaLabel: t(`step_${lesson.step}`) }, ...(q ? questionCards(lesson, q) : lesson.at > 0 ? endCards(lesson) : []), ...stepCards(page));
   const teacher = tick(t(lesson.teacher ? "answersShown" : "answersHidden"), lesson.teacher, (on) => { lesson.teacher = on; page.rebuild(); page.root.querySelector("aside .body").scrollTo(0, 0); }, { role: "switch", className: "switch", ariaLabel: t("teacher") });
   const notes = lesson.teacher && lesson.notes ? [make("details", { className: "card answer", open: lesson.at <= 0 }, make("summary", { textContent: t("plan") }), rendered(page.say(lesson.notes)))] : [];
-  const { back, next } = lesson, foot = [make("div", { className: "ends" }, ...(back ? [button(t("backOne"), back)] : []),
+  const { at, next } = lesson, foot = [make("div", { className: "ends" }, ...(at > 0 ? [button(t("backOne"), () => lesson.go(at - 1))] : []),
     labelled("print", t("worksheet"), () => print(), { className: "icon" }), make("span", { className: "push" }),
     ...(next ? [button(t(next.word, { step: STEPS[next.step] ? t(`step_${STEPS[next.step]}`) : "" }), () => lesson.leave(next.go), { className: "main" })] : []))];
   return { tabs, body: [...notes, panel, make("details", { className: "card teach", open: lesson.teacher }, make("summary", { textContent: t("teacher") }), teacher, button(t("forget"), ({ target }) => { if (target.textContent === t("forgetSure")) lesson.forget(); else target.textContent = t("forgetSure"); }, { className: "small" }))], foot };
@@ -270,7 +272,7 @@ function questionCards(lesson, q) {
   const head = make("p", { className: "soft small" }, icon("clock"), t("questionOf", { n: lesson.at + 1, m: lesson.questions.length, t: q.minutes ?? "–" }));
   const list = [head, ...(lesson.intro && q.step === "predict" ? [rendered(say(lesson.intro))] : []), make("h2", { className: "question" }, ...inline(say(q.question)))];
   if (q.note) list.push(rendered(say(q.note)));
-  const [guess] = lesson.questions, said = [lesson.said(lesson.answers[guess.key]) ?? []].flat().join(", ");
+  const [guess] = lesson.questions, said = lesson.own(guess);
   if (q.recalls && said) list.push(make("p", { className: "recalled", textContent: t("youGuessed", { x: `${said} ${say(guess.fields?.[0].unit) ?? ""}` }) }));
   if (q.kind === "cells") list.push(...guessCards(lesson, q));
   lesson.saved = make("small", { className: `saved${lesson.keeps ? "" : " bad"}`, role: "status", textContent: lesson.told });
@@ -280,6 +282,15 @@ function questionCards(lesson, q) {
   if (q.hint) list.push(make("details", { className: "card" }, make("summary", { textContent: t("hint") }), rendered(say(q.hint))));
   if (lesson.teacher && q.answer) list.push(make("div", { className: "card answer" }, make("h3", { textContent: t("answers") }), rendered(say(q.answer))));
   return list;
+}
+
+/** In the end, to each question: what was written, and below it what there was to see. An open one shows nothing, a guess waits for all. */
+function endCards(lesson) {
+  const { page, page: { t }, questions } = lesson, open = (list) => list.find((q) => !lesson.answered(q));
+  const compared = (q) => (lesson.own(q) ? [make("p", {}, `${t("yourAnswer")}: `, make("em", { textContent: lesson.own(q) }))] : []).concat(rendered(page.say(q.answer ?? "").split("\n\n")[0]));   // what follows is for the teacher
+  const card = (q, waits) => (waits ? [button(t("openQuestion", { n: questions.indexOf(waits) + 1 }), () => lesson.go(questions.indexOf(waits)))] : compared(q));
+  return [make("h2", { className: "question", textContent: t("thereWas") }), make("p", { textContent: t("compareHow") }),
+    ...questions.map((q, n) => make("section", { className: "card" }, make("h3", {}, `${n + 1}. `, ...inline(page.say(q.question))), ...card(q, open(q.step === "predict" ? questions : [q]))))];
 }
 
 /** A field for words; `i`: behind so many numbers. */
@@ -308,7 +319,6 @@ function guessCards(lesson, q) {
   const { page } = lesson, { t } = page, box = (kind, name) => make("div", { className: `card ${kind}` }, icon(name), make("b", { textContent: "–" }), make("span", { textContent: t(kind) }), make("small", { textContent: t(`${kind}Means`) }));
   lesson.tally = make("div", { className: "tally", role: "status" }, box("hit", "tick"), box("miss", "ring"), box("false", "cross"));
   lesson.small = q.until > SMALL ? [] : Array.from({ length: q.until }, (_, i) => make("canvas", { className: "small" }));
-  lesson.small.forEach((canvas, i) => { canvas.dataset.g = i + 1; });
   const pictures = lesson.small.map((canvas, i) => make("button", { type: "button", onclick: () => page.seek(i + 1) }, canvas, make("small", { textContent: t("upTo", { g: i + 1 }) })));
   return [lesson.tally, ...(pictures.length ? [make("div", { className: "card pictures" }, ...pictures)] : [])];
 }

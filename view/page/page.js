@@ -251,16 +251,12 @@ export class Page {
   }
   /** Ends of the colours, from the last generation, so that frames compare. */
   scale(colour = this.look.colour) {
-    if (this.run.grown && ["taken", "now"].includes(colour)) return { low: 0, high: this.values(colour).reduce((top, x) => (x > top ? x : top), 0) || 1 };   // one scale for all of it would show one colour for long
+    if (this.run.grown && ["taken", "now"].includes(colour)) return { low: 0, high: largestOf(this.values(colour)) || 1 };   // one scale for all of it would show one colour for long
     if (!this.scales.has(colour)) {
-      const keep = this.g;
-      let high = 0;
-      if (colour === "now") for (const x of this.run.taken.value.subarray(0, this.run.taken.n)) { if (x > high) high = x; }
-      else {
-        this.goTo(Infinity);
-        for (const x of this.values(colour)) if (x > high) high = x;
-        this.goTo(keep);
-      }
+      const keep = this.g, { value, n } = this.run.taken;
+      this.goTo(Infinity);
+      const high = largestOf(colour === "now" ? value.subarray(0, n) : this.values(colour));
+      this.goTo(keep);
       const log = ["taken", "now", "kept", "stress"].includes(colour);
       this.scales.set(colour, { high: high || 1, low: log ? Math.max((high > 1e6 * this.run.applied ? 1e-12 : 1e-4) * high, Math.min(0.1 * high, colour === "taken" ? this.scene.rule.threshold ?? 0 : 0)) || 1e-4 : colour === "spawn" ? 1 : 0, log });
     }
@@ -499,6 +495,7 @@ export class Page {
 }
 
 const size = (components, k) => Math.hypot(...components.map((u) => u[k]));
+const largestOf = (values) => values.reduce((top, x) => (x > top ? x : top), 0);   // of those that are numbers
 
 /** What everybody tries: presets for a scene that brings none. */
 function usual(scene) {

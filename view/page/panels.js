@@ -1,5 +1,5 @@
 // What stands round the picture: header, bar, timeline and side, and the panels of the side.
-import { button, choice, icon, iconButton, labelled, make, rendered, segments, slider, tick, waysOf } from "./controls.js";
+import { button, choice, icon, iconButton, labelled, make, picker, rendered, segments, slider, tick, waysOf } from "./controls.js";
 import { lessonSide } from "./lesson.js";
 import { loadsPanel } from "./loads.js";
 import { largestForce, savePng, saveScene, saveTable } from "./scene.js";
@@ -52,19 +52,11 @@ export function buildFooter(page) {
   parts.time = make("input", { type: "range", min: 0, step: 1, ariaLabel: t(page.along ? { s: "time" }[page.along] ?? `along_${page.along}` : "timeline"), oninput: () => page.seek(Number(parts.time.value)) });
   parts.marks = make("div", { className: "marks", ariaHidden: "true" });
   parts.count = make("span", { className: "count" });
-  const footer = make("footer", {}, iconButton("first", t("first"), () => page.seek(0), { className: "icon end" }), iconButton("back", t("back"), () => page.seek(page.g - 1)),
+  const stages = page.stages > 1 ? [picker(t("stage"), page.stage, Array.from({ length: page.stages }, (_, i) => [i + 1, t("stageOf", { n: i + 1, m: page.stages })]), (n) => page.change(() => { page.stage = Number(n); }))] : [];
+  parts.speed = Object.assign(picker(t("speed"), page.look.speed, [1, 2, 4, 8, 15, 30, 60].map((n) => [n, t("perSecond", { n })]), (n) => { page.look.speed = Number(n); page.timed = true; }), { className: "end" });
+  return make("footer", {}, iconButton("first", t("first"), () => page.seek(0), { className: "icon end" }), iconButton("back", t("back"), () => page.seek(page.g - 1)),
     parts.play, iconButton("step", t("step"), () => page.seek(page.g + 1)), iconButton("last", t("last"), () => page.seek(Infinity), { className: "icon end" }),
-    make("span", { className: "line" }, parts.time, parts.marks), parts.count);
-  if (page.stages > 1) {
-    const select = make("select", { ariaLabel: t("stage"), onchange: () => page.change(() => { page.stage = Number(select.value); }) },
-      ...Array.from({ length: page.stages }, (_, i) => make("option", { value: i + 1, textContent: t("stageOf", { n: i + 1, m: page.stages }) })));
-    select.value = page.stage;
-    footer.append(select);
-  }
-  const speed = parts.speed = make("select", { ariaLabel: t("speed"), className: "end", onchange: () => { page.look.speed = Number(speed.value); page.timed = true; } },
-    ...[1, 2, 4, 8, 15, 30, 60].map((n) => make("option", { value: n, textContent: t("perSecond", { n }) })));
-  footer.append(speed);
-  return footer;
+    make("span", { className: "line" }, parts.time, parts.marks), parts.count, ...stages, parts.speed);
 }
 
 /** The numbers under the timeline: every generation while they are few, then round ones. */
@@ -73,10 +65,8 @@ export function tellMarks(page) {
   if (page.marked === key && marks.childElementCount) return;
   const room = Math.floor(marks.clientWidth / 28);
   page.marked = key;
-  const every = [1, 2, 5, 10, 20, 50, 100, 200, 500, 1000].find((e) => n / e < room) ?? 2000, list = [];
-  const named = page.along === "s" ? page.seconds(room) : Array.from({ length: Math.floor(n / every) + 1 }, (_, i) => [i * every, i * every]);
-  if (room > 1) for (const [g, text] of named) if (g <= n) list.push(make("span", { textContent: text, style: `left: ${100 * g / (n || 1)}%` }));
-  marks.replaceChildren(...list);
+  const every = [1, 2, 5, 10, 20, 50, 100, 200, 500, 1000].find((e) => n / e < room) ?? 2000, named = page.along === "s" ? page.seconds(room) : Array.from({ length: Math.floor(n / every) + 1 }, (_, i) => [i * every, i * every]);
+  marks.replaceChildren(...named.filter(([g]) => room > 1 && g <= n).map(([g, text]) => make("span", { textContent: text, style: `left: ${100 * g / (n || 1)}%` })));
 }
 
 // --------------------------------------------------------------------------------------- side

@@ -10,7 +10,7 @@ import argparse
 import os
 import platform
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict
 from importlib.metadata import PackageNotFoundError, version
 from itertools import product
@@ -122,15 +122,11 @@ def ratios(found: Sequence[Measurement]) -> list[dict[str, Any]]:
     rows = []
     for body, error in product(PROBLEMS, TARGETS):
         mine = [measurement for measurement in found if measurement.problem == body]
-        costs = {name: cost_at(error, _of(mine, name)) for name in METHODS}
+        costs = {name: cost_at(error, [m for m in mine if m.method == name]) for name in METHODS}
         if ours := costs.pop("multigrid"):
             slower = {name: cost / ours for name, cost in costs.items() if cost}
             rows.append({"body": body, "error": error, "seconds": ours, **slower})
     return rows
-
-
-def _of(found: Iterable[Measurement], method: str) -> list[Measurement]:
-    return [m for m in found if m.method == method and m.seconds is not None]
 
 
 def cost_at(target: float, found: Sequence[Measurement]) -> float | None:

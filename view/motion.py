@@ -97,13 +97,6 @@ def _body(result: BodyResult) -> tuple[Joined, Ints]:
     return join(corners, np.diag(lattice.pitch)), cells
 
 
-def _on(scene: Scene, where: Ints, values: Floats) -> Floats:
-    """Spread the values of some cells over the whole array, 0 elsewhere."""
-    field = np.zeros((*scene.lattice.shape, *values.shape[1:]))
-    field[tuple(where.T)] = values
-    return field
-
-
 def _so_far(result: TransferResult, generation: int) -> TransferResult:
     """Return a run with what its last stage had taken up to a generation."""
     stage, history = result.last, result.last.history
@@ -135,13 +128,13 @@ def stages(result: TransferResult) -> Motion:
 
 def _transfer(result: TransferResult, states: Sequence[TransferResult], along: str) -> Motion:
     body, cells = _body(result)
-    taken = [_on(result.scene, one.last.cells, one.last.taken.sum(axis=1)) for one in states]
+    taken = [one.at_cells(cells, one.last.taken.sum(axis=1)) for one in states]
     return Motion(
         points=body.points,
         parts=body.parts,
         at=np.arange(float(len(states))),
         along=along,
-        values={"load_taken": ("N", np.array([of[tuple(cells.T)] for of in taken]))},
+        values={"load_taken": ("N", np.array(taken))},
         moved=np.array([body.moved(state.displacement_at) for state in states]),
         forces=applied(result.scene),
         outcome=result.outcome,
@@ -204,9 +197,11 @@ def body_in_time(result: TransferCreepResult | ElasticCreepResult) -> Motion:
     )
     stress = [np.asarray(result.stress(record)) for record in records]
     if isinstance(static, TransferResult):
-        stress = [_on(static.grid, static.last.cells, of) for of in stress]
+        stress = [static.at_cells(cells, of) for of in stress]
+    else:
+        stress = [of[tuple(cells.T)] for of in stress]
     units = {"stress": "Pa", "strain": ""}
-    values = {"stress": np.array([_principal(of[tuple(cells.T)]) for of in stress])}
+    values = {"stress": np.array(list(map(_principal, stress)))}
     if lattice.boxes:  # what the corners move apart by, over the edge
         signs = 2.0 * corner_order(lattice.dimension) - 1.0
         corners = moved[:, body.parts] * (2.0 / len(signs) / lattice.cell_size)

@@ -6,7 +6,7 @@ import inspect
 from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -17,6 +17,7 @@ from kaju.model.results.result import Result, solved_scene
 from kaju.model.scene import Scene
 from kaju.result_kinds import KINDS, fetch
 
+from .agents import plot_agents
 from .body_in_space import plot_body_in_space
 from .body_plots import BodyPicture
 from .layers import layer_of
@@ -54,14 +55,10 @@ def pictures_of(subject: Scene | Result) -> dict[str, Picture]:
             f"subject: a Scene, a result, a model or a path is needed, got {type(subject).__name__}"
         )
     known = KINDS[subject.kind].pictures
-    return {name: _picture(known, name) for name in subject.pictures}
-
-
-def _picture(known: Mapping[str, str], name: str) -> Picture:
-    """Return what draws a picture; names of agents' own states are all drawn by one."""
-    if name in known:
-        return cast(Picture, fetch(known[name]))
-    return partial(fetch("view.agents:plot_agents"), state=name)
+    return {
+        name: fetch(known[name]) if name in known else partial(plot_agents, state=name)
+        for name in subject.pictures  # others are names of states of agents of your own
+    }
 
 
 def plot(subject: Any, what: str | None = None, ax: Axes | None = None, **options: Any) -> Figure:

@@ -1,8 +1,8 @@
 """The bodies that are benchmarked: what is asked, at any resolution, and the true answer.
 
 All of them are pictures of square or cubic cells that stand on rigid ground and are pressed
-on part of their top. The true displacements were computed by finite elements of high order
-on meshes graded towards every corner (`benchmarks/finite_element_truth.py`).
+on part of their top. The true displacements were computed by finite elements of high order on
+meshes graded towards every corner.
 """
 
 from __future__ import annotations
@@ -126,11 +126,6 @@ class Problem:
         return float(away.max()), float(np.sqrt(np.mean(away**2)))
 
 
-def _drawn(drawing: str) -> Flags:
-    rows = drawing.split()
-    return np.array([[letter == "#" for letter in row] for row in rows[::-1]]).T
-
-
 PLATE = Problem(
     name="plate",
     picture=np.ones((20, 20), dtype=np.bool_),
@@ -153,7 +148,7 @@ BLOCK = Problem(
 )
 PIXELS = Problem(
     name="pixels",
-    picture=_drawn(_PIXELS),
+    picture=np.array([[letter == "#" for letter in row] for row in _PIXELS.split()[::-1]]).T,
     edge=0.01,
     youngs_modulus=206e9,
     poissons_ratio=0.3,

@@ -19,14 +19,7 @@ mpl.use("Agg")
 sys.path.insert(0, str(Path(__file__).parent))
 
 import matplotlib.pyplot as plt
-from lattice import (
-    NODES,
-    SHAPES,
-    free_motions,
-    pressed,
-    same_body,
-    without_supports,
-)
+from lattice import NODES, SHAPES, free_motions, pressed, same_body, without_supports
 
 from kaju import NetworkResult, plot
 from kaju.model.network import triangular

@@ -15,7 +15,7 @@ from kaju.model.elastic.elastic_result import ElasticResult
 from kaju.model.elastic.solve import solve_cells
 from kaju.model.network import NetworkResult, SpringNetwork
 from kaju.model.network.springs import with_some
-from kaju.model.results.result import Check, Result
+from kaju.model.results.result import Check, Result, in_columns
 from kaju.model.results.stored import Column
 from kaju.model.scene import Scene
 
@@ -136,10 +136,7 @@ class FractureResult(Result):
         """Return the nodes of the springs, or the middles of the cells (m), that broke."""
         if isinstance(self.subject, Scene):
             cells = np.argwhere(self.subject.rasterise() >= 0)[self.broken]
-            middle = self.subject.lattice.centres(cells)
-            return {
-                f"{name}_m": middle[:, axis] for axis, name in enumerate("xyz"[: middle.shape[1]])
-            }
+            return in_columns("{}_m", self.subject.lattice.centres(cells))
         ends, names = self.subject.springs[self.broken], self.subject.names
         return {
             "first": [names[node] for node in ends[:, 0]],

@@ -12,7 +12,7 @@ from scipy.interpolate import make_interp_spline
 from kaju import __version__
 from kaju.arrays import Floats, Ints, first_largest
 from kaju.errors import ResultError
-from kaju.model.results.result import BALANCE, Check, Result
+from kaju.model.results.result import BALANCE, Check, Result, in_columns
 from kaju.model.results.stored import Column
 
 from .assembler import Geometry, spring_forces, spring_geometry
@@ -175,7 +175,6 @@ class NetworkResult(Result):
         """Return one row per node: place, displacement, loads and reactions."""
         import pandas as pd
 
-        axes = "xyz"[: self.network.dimension]
         columns: dict[str, Any] = {"node": list(self.network.names)}
         for name, field in (
             ("{}_m", self.network.positions),
@@ -184,7 +183,7 @@ class NetworkResult(Result):
             ("reaction_{}_N", self.reactions(record)),
             ("held_{}", self.network.held),
         ):
-            columns |= {name.format(a): field[:, k] for k, a in enumerate(axes)}
+            columns |= in_columns(name, field)
         return pd.DataFrame(columns)
 
     def to_graph(self, record: int = -1, *, texts: bool = False) -> nx.Graph:

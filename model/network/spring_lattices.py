@@ -18,6 +18,7 @@ from scipy.spatial import Delaunay
 
 from kaju.arrays import Flags, Floats, Ints
 from kaju.errors import ParameterError, require
+from kaju.model.scene.curves import cross
 
 from .springs import SpringNetwork, Springs, with_some
 
@@ -116,12 +117,8 @@ def cut(network: SpringNetwork, start: ArrayLike, end: ArrayLike) -> SpringNetwo
 
 def _apart(start: Floats, end: Floats, one: Floats, other: Floats) -> Flags:
     """Tell where two points lie on different sides of the line through two others."""
-
-    def side(point: Floats) -> Floats:
-        along, to = end - start, point - start
-        return np.asarray(along[..., 0] * to[..., 1] - along[..., 1] * to[..., 0])
-
-    return np.asarray(side(one) * side(other) < 0.0)
+    along = end - start
+    return np.asarray(cross(along, one - start) * cross(along, other - start) < 0.0)
 
 
 def pulled(

@@ -152,8 +152,7 @@ class CreepModel(Stepper[AnyTimeResult]):
         integrator = Integrator(self._system, history, last, tolerance, most_steps)
         self._ahead = integrator.states(self._state, self._asked)
         if self._asked[0] == 0.0:
-            self._see(next(self._ahead))
-        self.running = self.moment < self._asked[-1]
+            self.advance()
 
     @property
     def moment(self) -> float:

@@ -54,8 +54,7 @@ class PetscLevel:
         """Return the faces normal to an axis that belong to this process, by their cell above."""
         lower, upper = (corner.copy() for corner in self.own)
         upper[axis] += upper[axis] == self.shape[axis] + 1
-        ranges = [np.arange(a, b) for a, b in zip(lower, upper, strict=True)]
-        return np.stack([r.ravel() for r in np.meshgrid(*ranges, indexing="ij")], axis=1)
+        return grid(lower, upper)
 
     def numbers(self, axis: int, faces: Index) -> Index:
         """Return PETSc's numbers of faces, -1 of those that this process does not know."""

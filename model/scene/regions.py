@@ -434,7 +434,9 @@ class PathShape(Shape):
 
     @cached_property
     def _polygons(self) -> list[Polygon]:
-        return [_polygon(arcs, 256 if _curved(arcs) else 1) for arcs in self._lines]
+        # The control points of a straight line lie at its ends.
+        parts = [256 if (arcs[:, ::3] != arcs[:, 1:3]).any() else 1 for arcs in self._lines]
+        return list(map(_polygon, self._lines, parts))
 
     @property
     def extent(self) -> Extent:
@@ -464,10 +466,6 @@ def path_in(given: str | PathFile, where: str) -> PathShape:
     except SceneError as error:
         raise SceneError(str(error).replace("path", where, 1)) from None
     return shape
-
-
-def _curved(arcs: Floats) -> bool:
-    return bool((arcs[:, 0] != arcs[:, 1]).any() or (arcs[:, 2] != arcs[:, 3]).any())
 
 
 def read_path(text: str) -> list[Floats]:

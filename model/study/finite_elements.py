@@ -23,6 +23,7 @@ from kaju.model.elastic.uneven_loads import portions
 from kaju.model.scene import Scene
 from kaju.model.scene.cell_types import DISPLACED, FOUNDATION, RIGID, ROLLER
 from kaju.model.scene.lattice import check_boxes
+from kaju.model.scene.resolved_body import grid
 from kaju.model.study.reference import Reference
 
 Index = NDArray[np.int64]
@@ -156,14 +157,13 @@ def _field_at(
 def surroundings(scene: Scene) -> Index:
     """Return the kinds of all cells and of one layer of cells around them."""
     check_boxes(scene.lattice, "can be finite elements")
-    ranges = [np.arange(-1, n + 1) for n in scene.lattice.shape]
-    cells = np.stack(np.meshgrid(*ranges, indexing="ij"), axis=-1)
-    found = scene.kinds(cells.reshape(-1, len(ranges)))
+    shape = np.array(scene.lattice.shape)
+    found = scene.kinds(grid(0 * shape - 1, shape + 1))
     if np.isin(found, (FOUNDATION, DISPLACED)).any():
         raise ParameterError(
             "scene: finite elements know sides that are free, rigid or rollers only"
         )
-    return np.asarray(found.reshape(cells.shape[:-1]))
+    return np.asarray(found.reshape(shape + 2))
 
 
 def cells_of(mesh: Any) -> Index:

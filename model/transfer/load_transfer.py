@@ -45,7 +45,7 @@ class LoadTransfer(Stepper[TransferResult]):
         told = f"max_generations: must be a number from 1 upwards, got {brief(max_generations)}"
         require(is_number(max_generations) and max_generations >= 1, told)
         self.transfer = Transfer(scene, rule)
-        self.certificate: Certificate = not_known(own) if own else certify(scene, self.transfer)
+        self.certificate: Certificate = not_known(own) if own else certify(self.transfer)
         refused = self.certificate.known and not self.certificate.stable
         if refused and not allow_unstable:
             raise StabilityError(

@@ -66,12 +66,12 @@ def stability(scene: Scene) -> Certificate:
     >>> kaju.stability(kaju.load_scene("plate.toml")).verdict
     'every load ends after at most 8 generations'
     """
-    return certify(scene, Transfer(scene))
+    return certify(Transfer(scene))
 
 
-def certify(scene: Scene, transfer: Transfer) -> Certificate:
+def certify(transfer: Transfer) -> Certificate:
     """Do the work of `stability` for a rule that is already in tables."""
-    emitted = transfer.emitted
+    scene, emitted = transfer.scene, transfer.emitted
     lower, upper = float(emitted.min()), float(emitted.max())
     if upper - lower <= 1e-12 * upper:
         lower = upper
@@ -88,7 +88,7 @@ def certify(scene: Scene, transfer: Transfer) -> Certificate:
         # Undiminished for ever is a load only if it is so wherever it comes.
         surely = float(transfer.tables.share.max(axis=2).min()) >= 1.0
         growth, remedy = _grows(transfer, lower, upper, surely)
-        generations, grown = _tried(scene, transfer)
+        generations, grown = _tried(transfer)
         known_to_end = generations is not None or (grown if transfer.rule.accumulate else surely)
         verdict = f"{growth}: {remedy}"
         if generations is not None:
@@ -115,9 +115,9 @@ def certify(scene: Scene, transfer: Transfer) -> Certificate:
     )
 
 
-def _tried(scene: Scene, transfer: Transfer) -> tuple[int | None, bool]:
+def _tried(transfer: Transfer) -> tuple[int | None, bool]:
     """Run a scene for a while, as pages do; return when it came to rest, and whether loads grew."""
-    engine, rows, last = ArrayEngine(transfer), 0, 0
+    scene, engine, rows, last = transfer.scene, ArrayEngine(transfer), 0, 0
     for stage in range(1, scene.stages + 1):
         live_on = stage > 1 and scene.loading == "continue"
         engine.start(*transfer.loads(stage), live_on=live_on)

@@ -246,13 +246,16 @@ class TransferResult(BodyResult):
 
         Stress is the same all over a cell, and 0 in cells that no load reached.
         """
-        _, cells = self.located(points)
+        return self.at_cells(self.located(points)[1], self.stress)
+
+    def at_cells(self, cells: Ints, values: Floats) -> Floats:
+        """Return values of the agents, shape (agents, ...), at cells; 0 where none is awake."""
         key, agents = self.scene.lattice.key(cells), self.scene.lattice.key(self.last.cells)
-        tensors = np.zeros((len(key), *self.stress.shape[1:]))
+        found = np.zeros((len(key), *values.shape[1:]))
         awake = np.isin(key, agents)
         order = np.argsort(agents)
-        tensors[awake] = self.stress[order[np.searchsorted(agents, key[awake], sorter=order)]]
-        return tensors
+        found[awake] = values[order[np.searchsorted(agents, key[awake], sorter=order)]]
+        return found
 
     def _carrying(self, axis: int) -> Carrying:
         lattice, count = self.scene.lattice, len(self.last.cells)

@@ -4,7 +4,7 @@ import { AIR, RIGID } from "./lattice.js";
 import { colourOf, css, FONT, paintWord } from "./paint.js";
 import { storyCard } from "./panels.js";
 import { sharesOf, Twin } from "./rule.js";
-import { quantity } from "./words.js";
+import { general, quantity } from "./words.js";
 
 /** Every load that reached a cell up to a generation: {generation, channel, each, copies, from, arm, ends}; null if too many travel. */
 export function arrivals({ scene, cells, stage }, k, until) {
@@ -80,7 +80,8 @@ function senderOf({ run: { lattice: L, kinds, woken, spawn }, t }, { from }, k) 
 /** Which way a channel presses, as an arrow. */
 function sign(L, channel) { const [x, y] = L.normals[channel % L.D]; return "→↗↑↖←↙↓↘"[(Math.round(Math.atan2(y, x) / (Math.PI / 4)) + 8) % 8]; }
 
-const FORMULA = { ahead: "α₂P", along: "α₃P", outwards: "(1−β)να₁P" };
+/** How much of a load P leaves, by the names of its shares; a lesson says the one that has a long name in numbers, as its questions do. */
+const formulaOf = (page, { kind, load }, P) => (kind === "outwards" && page.lesson ? `${general(load / P, 3)} P` : { ahead: "α₂P", along: "α₃P", outwards: "(1−β)να₁P" }[kind]);
 const newtons = (load, largest) => quantity(Number((load * (1 + 1e-9)).toPrecision(3)), "N", largest);   // halves go up
 
 MODES.push({
@@ -130,7 +131,7 @@ function cellCards(page) {
     const some = list.filter((e) => e.kind === kind), [first] = some;
     if (!first) return [];
     const to = kind === "ahead" ? `${t("ahead")}, ${cellName(L, L.neighbour(k, first.arm))}` : t(kind === "along" ? "sideways" : kind);
-    return [make("tr", { className: first.ends ? "faint" : "" }, ...cells(to, FORMULA[kind], `${some.length > 1 ? `${some.length} × ` : ""}${newtons(first.load, row.each)}${first.ends ? `, ${t("ends_")}` : ""}`))];
+    return [make("tr", { className: first.ends ? "faint" : "" }, ...cells(to, formulaOf(page, first, row.each), `${some.length > 1 ? `${some.length} × ` : ""}${newtons(first.load, row.each)}${first.ends ? `, ${t("ends_")}` : ""}`))];
   });
   const mine = Array.from({ length: L.D }, (_, arm) => L.neighbour(k, arm)).filter((n) => Array.from({ length: L.D }, (_, arm) => arm).some((arm) => run.woken[n] >> arm & 1 && L.neighbour(n, arm) === k));
   const sum = (of) => taken.filter(of).reduce((s, r) => s + r.each * r.copies, 0);
@@ -204,7 +205,7 @@ function paintCell(page, box) {
     const [wx, wy] = kind === "ahead" ? [x + ex * length * 0.6 + (upright ? width(load) / 2 + 10 : 0), y + ey * length * 0.6 + (upright ? 0 : width(load) / 2 + 14)] : kind === "along" ? [x + ex * length * (upright ? 0.5 : 0.5), y + ey * length + (upright ? ey * 14 : 18)] : upright ? [x - 12, y + ey * length * 0.5] : [x + ex * length * 0.5, y + 17];
     const align = !upright || kind === "along" ? "center" : kind === "ahead" ? "left" : "right";
     say(text, wx, wy, ends ? inks.ink : inks.load, ends ? `600 ${font}` : bold, align);
-    if (s > 120) say(FORMULA[kind], wx, wy + (kind === "along" && ey < -0.5 ? -17 : 17), inks.soft, font, align);
+    if (s > 120) say(formulaOf(page, { kind, load }, P), wx, wy + (kind === "along" && ey < -0.5 ? -17 : 17), inks.soft, font, align);
   }
   const middle = cy + (behind ? 0 : 0.3 * s);
   say(`${t("keeps")} ${newtons(own, P)}`, cx, middle - 6, inks.ink); say("α₁P", cx, middle + 13, inks.ink, font);

@@ -365,9 +365,9 @@ export function paintLegend({ ctx, w, h }, scale, label, kind, show, inks, ticks
   const n = Math.max(140, Math.min(300, 0.5 * w)), x = Math.round((w - n) / 2), y = h - 32, { low, high, log } = scale;
   const colours = low < 0 ? inks.differences : inks.steps;
   ctx.font = FONT; ctx.fillStyle = inks.ink; ctx.textBaseline = "bottom"; ctx.textAlign = "left";
-  const over = Math.max(0, ctx.measureText(label).width + ctx.measureText(kind).width + 10 - n);   // words wider than the bar reach beyond it on both sides
+  const over = Math.max(0, ctx.measureText(label).width + ctx.measureText(kind).width + 10 - n) / 2;   // words wider than the bar reach beyond it on both sides
   ctx.fillText(label, Math.max(4, x - over), y - 3, w - 120);
-  ctx.fillStyle = inks.soft; ctx.textAlign = "right"; ctx.fillText(kind, x + n + Math.max(0, over - x + 4), y - 3);
+  ctx.fillStyle = inks.soft; ctx.textAlign = "right"; ctx.fillText(kind, x + n + over, y - 3);
   colours.forEach((colour, i) => { ctx.fillStyle = colour; ctx.fillRect(x + Math.round(i * n / colours.length), y, Math.ceil(n / colours.length), 10); });
   Object.assign(ctx, { textBaseline: "top", fillStyle: inks.soft, strokeStyle: inks.line, lineWidth: 1 }); ctx.strokeRect(x - 0.5, y - 0.5, n + 1, 11);
   let free = -Infinity;

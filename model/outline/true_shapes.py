@@ -146,7 +146,11 @@ class ClosedLine:
             at, parts = self.arcs[..., axis] / self.arcs[..., 2], list[Floats]()
             through = (at.min(axis=1) < level - CLOSE) & (at.max(axis=1) > level + CLOSE)
             for arc, cut in zip(self.arcs, through, strict=True):
-                parts += _parted_on(arc, axis, level) if cut else [arc]
+                own = parted_at(arc, crossings(arc, axis, level)) if cut else [arc]
+                for one, following in pairwise(own):
+                    for at_line in (one[3], following[0]):
+                        at_line[axis] = level * at_line[2]
+                parts += own
             self.arcs = np.array(parts)
 
     def parted_along(self, direction: Point) -> Floats:
@@ -212,15 +216,6 @@ class ClosedLine:
         kept = np.stack([~on_tangent, bent], axis=1)
         corners = snapped(at[kept])
         return np.asarray(corners[(corners != np.roll(corners, 1, axis=0)).any(axis=1)])
-
-
-def _parted_on(arc: Floats, axis: int, side: float) -> list[Floats]:
-    """Return the parts of an arc on both sides of a line, with ends that lie on it."""
-    parts = parted_at(arc, crossings(arc, axis, side))
-    for one, following in pairwise(parts):
-        for at in (one[3], following[0]):
-            at[axis] = side * at[2]
-    return parts
 
 
 @dataclass(frozen=True, eq=False)

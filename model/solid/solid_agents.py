@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import reduce
 from itertools import permutations, product
 from math import sqrt
 from typing import ClassVar, Literal, NamedTuple
@@ -65,12 +66,17 @@ def solved_agents(scene: Scene, resolution: int | None) -> SolidAgents:
 
 def grid_of_solid(scene: Scene, resolution: int) -> tuple[Grid, Floats]:
     """Return the cells of a solid, and what share of each is body, 1 beyond it."""
-    solid = solid_of(scene, resolution)
+    shapes = [
+        (region.shape_in(scene.lattice, f"body.regions.{k}"), region.material not in NOT_BODY)
+        for k, region in enumerate(scene.body.regions)
+    ]
+    shape = tuple(resolution * count for count in scene.lattice.shape)
+    edge, filled = scene.lattice.cell_size / resolution, scene.body.material not in NOT_BODY
+    solid = SolidBody(shape, edge, filled, shapes)
     check_size(solid.shape, "resolution")
     sorts = solid.cells()
     eighths = solid.shares(sorts)
-    two = [part for count in solid.shape for part in (count, 2)]
-    share = eighths.reshape(two).mean(axis=(1, 3, 5))
+    share = reduce(_pairwise, range(3), eighths)
     body = thick(share >= SLIVER)
     if not body.any():
         raise SceneError(
@@ -104,17 +110,6 @@ def grid_of_solid(scene: Scene, resolution: int) -> tuple[Grid, Floats]:
     return Grid(grid, problem, origin, resolution, notes if left_out > 1e-4 else ()), share
 
 
-def solid_of(scene: Scene, resolution: int) -> SolidBody:
-    """Return the body that a scene describes, and cells so many times smaller."""
-    shapes = tuple(
-        (region.shape_in(scene.lattice, f"body.regions.{k}"), region.material not in NOT_BODY)
-        for k, region in enumerate(scene.body.regions)
-    )
-    shape = tuple(resolution * count for count in scene.lattice.shape)
-    edge = scene.lattice.cell_size / resolution
-    return SolidBody(shape, edge, scene.body.material not in NOT_BODY, shapes)
-
-
 def _check_loads(scene: Scene, body: Flags, sorts: NDArray[np.int8]) -> None:
     """Refuse loads on sides that an outline meets: where they act would be a guess."""
     for number, load in enumerate(scene.loads):
@@ -136,16 +131,18 @@ class SolidBody(NamedTuple):
     shape: tuple[int, ...]
     edge: float  # Of a cell (m)
     filled: bool  # Whether the array is body where no shape covers it
-    shapes: tuple[tuple[Shape, bool], ...]  # Each with whether it is body
+    shapes: list[tuple[Shape, bool]]  # Each with whether it is body
 
-    def sorts(self, low: Points, high: Points) -> NDArray[np.int8]:
-        """Return of boxes whether they are surely WHOLE, or EMPTY; all others are CUT."""
-        found = np.full(len(low), WHOLE if self.filled else EMPTY, dtype=np.int8)
-        for shape, body in self.shapes:
-            own = WHOLE if body else EMPTY
-            inside, apart = shape.relation(low, high)
-            crossed = np.where(found == own, own, CUT)
-            found = np.where(inside, own, np.where(apart, found, crossed)).astype(np.int8)
+    def cells(self) -> NDArray[np.int8]:
+        """Return of all cells whether they are surely WHOLE, or EMPTY; all others are CUT."""
+        found = np.full(self.shape, WHOLE if self.filled else EMPTY, dtype=np.int8)
+        for part in _parts(np.argwhere(np.ones(self.shape, dtype=np.bool_))):
+            at, low = tuple(part.T), np.asarray(part * self.edge, dtype=np.float64)
+            for shape, body in self.shapes:
+                own, before = WHOLE if body else EMPTY, found[at]
+                inside, apart = shape.relation(low, low + self.edge)
+                crossed = np.where(before == own, own, CUT)
+                found[at] = np.where(inside, own, np.where(apart, before, crossed))
         return found
 
     def level(self, points: Points) -> Floats:
@@ -155,15 +152,6 @@ class SolidBody(NamedTuple):
             own = shape.level(points, sqrt(3.0) * self.edge / PARTS)
             found = np.minimum(found, own) if body else np.maximum(found, -own)
         return found
-
-    def cells(self) -> NDArray[np.int8]:
-        """Return the sorts of all cells, as an array of them."""
-        found = []
-        places = np.argwhere(np.ones(self.shape, dtype=np.bool_))
-        for part in _parts(places):
-            low: Floats = np.asarray(part * self.edge)
-            found.append(self.sorts(low, low + self.edge))
-        return np.concatenate(found).reshape(self.shape)
 
     def shares(self, sorts: NDArray[np.int8]) -> Floats:
         """Return what share of the eighths of every cell is body: an array of cells half as large.

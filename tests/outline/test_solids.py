@@ -63,7 +63,7 @@ SHAPES = {
 @pytest.mark.parametrize("filled", [False, True])
 def test_cells_are_whole_or_empty_for_certain(name: str, filled: bool) -> None:
     shape = SHAPES[name]
-    solid = SolidBody((9, 9, 9), 1 / 9, filled, ((shape, not filled),))
+    solid = SolidBody((9, 9, 9), 1 / 9, filled, [(shape, not filled)])
     sorts = solid.cells()
     points = np.random.default_rng(2).uniform(size=(60_000, 3))
     inside = shape.contains(points) != filled
@@ -79,14 +79,14 @@ def test_cells_are_whole_or_empty_for_certain(name: str, filled: bool) -> None:
 
 
 def test_eighths_of_cut_cells_are_filled_where_they_lie() -> None:
-    solid = SolidBody((2, 2, 2), 0.5, False, ((Box((-1, -1, -1), (2, 2, 0.375)), True),))
+    solid = SolidBody((2, 2, 2), 0.5, False, [(Box((-1, -1, -1), (2, 2, 0.375)), True)])
     layers = solid.shares(solid.cells()).mean(axis=(0, 1))
     np.testing.assert_allclose(layers, [1.0, 0.5, 0.0, 0.0], atol=1e-9)
 
 
 def test_shapes_along_the_cells_cut_none() -> None:
     for shape in (Box((0.25,) * 3, (0.75,) * 3), ClosedSurface(0.5 + 0.25 * CUBE)):
-        sorts = SolidBody((8, 8, 8), 0.125, False, ((shape, True),)).cells()
+        sorts = SolidBody((8, 8, 8), 0.125, False, [(shape, True)]).cells()
         assert (sorts != CUT).all()
         assert (sorts == WHOLE).sum() == 64
 

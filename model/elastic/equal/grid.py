@@ -170,8 +170,10 @@ def grid_of(
         return Grid(fine, *problem_of_scene(fine, stage, repeated(stiffness, times)), times)
 
     grid = refined(division)
-    if known is not None and _held_alike(grid.problem, known):
-        return grid
+    if known is not None:
+        one, other = ((np.minimum(p.kinds, 0), *p.spring) for p in (grid.problem, known))
+        if all(map(np.array_equal, one, other)):
+            return grid
     narrow, loose = grid.narrow, None
     if not narrow:
         try:
@@ -195,13 +197,6 @@ def grid_of(
     if loose is not None:
         reason = "a single rigid cell holds no turn"
     return finer._replace(notes=(f"{reason}: the cells were halved",))
-
-
-def _held_alike(ours: ElasticProblem, theirs: ElasticProblem) -> bool:
-    """Tell whether two problems are of cells in the same places, alike supported."""
-    one, other = (np.minimum(problem.kinds, 0) for problem in (ours, theirs))
-    pairs = zip((one, *ours.spring), (other, *theirs.spring), strict=True)
-    return all(np.array_equal(a, b) for a, b in pairs)
 
 
 def repeated(stiffness: Floats | None, division: int) -> Floats | None:

@@ -210,7 +210,9 @@ class _Watch:
         rate = rate_of(run.residuals[-6:]) or 0.1
         unborne = rate * np.abs(residual).max() / self._system.loads
         borne = unborne <= min(0.01 * stated, 1e-4)
-        if (run.errors[-1] <= target and borne) or run.at_rounding():
+        past = run.residuals  # which have stopped falling where no digits are left
+        stalled = len(past) > 8 and min(past[-4:]) > 0.5 * min(past[:-4])
+        if (run.errors[-1] <= target and borne) or (stalled and run.errors[-1] < 1e-9):
             self.slow = False
             return True
         # Stiff grains in a soft body take several iterations to be moved as a whole. Then the rate

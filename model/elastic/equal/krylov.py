@@ -38,12 +38,6 @@ class Iteration:
         """Number of preconditioner applications after the start."""
         return max(len(self.residuals) - 1, 0)
 
-    def at_rounding(self) -> bool:
-        """Tell whether the residual has stopped falling as no digits are left."""
-        recent = self.residuals
-        stalled = len(recent) > 8 and min(recent[-4:]) > 0.5 * min(recent[:-4])
-        return stalled and self.errors[-1] < 1e-9
-
 
 def rate_of(values: list[float]) -> float:
     """Return the mean factor from each value to the next; 0 if there is none."""

@@ -24,7 +24,7 @@ from kaju.model.elastic.goals.quantities import Deflection, Goal, Place, Quantit
 from kaju.model.elastic.moduli import Moduli, equivalent_stress
 from kaju.model.elastic.pair.border import Sides, torn
 from kaju.model.elastic.pair.elements import gauss
-from kaju.model.elastic.pair.gap import stress_of
+from kaju.model.elastic.pair.gap import stress_of, tensors
 from kaju.model.elastic.pair.leaves import LeafCells, Mesh
 from kaju.model.elastic.posed_body import PosedBody
 from kaju.model.outline.posed_outlines import OutlinedBody
@@ -312,9 +312,7 @@ class Stressed(DualGoal):
         place, cell, weight = self.where.points(found)
         mean = np.tensordot(weight, np.mean(found.stresses_at(place, cell), axis=0), 1)
         step = 1e-4 * float(np.abs(mean).max()) or 1.0
-        by = np.zeros((len(self._pairs), *mean.shape))
-        for one, (a, b) in zip(by, self._pairs, strict=True):
-            one[a, b] = one[b, a] = step
+        by = step * tensors(np.eye(len(self._pairs)))
         law = np.repeat(found.law_at(place, cell)[:1], len(by))
         ends = [self._measured(mean + sign * by, law, found.moduli) for sign in (1, -1)]
         return np.asarray((ends[0] - ends[1]) / (2.0 * step))

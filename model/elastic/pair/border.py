@@ -83,7 +83,13 @@ def sides_of(body: PosedBody, mesh: Mesh) -> Sides:
         stiffness = (condition.stiffness or 0.0) * scales.length / scales.modulus
         bed[(support == side) & (kind == FOUNDATION)] = stiffness
     moved[~held] = 0.0
-    shift = _common_shift(moved, held, bed)
+    # What all supports move alike strains nothing: of bodies that move by much more than they
+    # stretch rounding would leave no strains.
+    shift = np.zeros(d)
+    for axis in range(d):
+        values = moved[held[:, axis], axis]
+        if len(values) and values.min() * values.max() > 0.0 and not bed.any():
+            shift[axis] = min(values.min(), values.max(), key=abs)
     moved = np.where(held, moved - shift, 0.0)
     given = ~held & ~((bed > 0.0)[:, None] & across)
     load, inside, leaf, rest = body.forces(leaves)
@@ -97,17 +103,6 @@ def sides_of(body: PosedBody, mesh: Mesh) -> Sides:
     return Sides(
         support, held, given, moved, shift, bed, load, straight, inside, even, lost, ragged
     )
-
-
-def _common_shift(moved: Floats, held: Flags, bed: Floats) -> Floats:
-    """Return the movement that all supports have in common: it strains nothing."""
-    # Of bodies that move by much more than they stretch rounding would leave no strains.
-    shift = np.zeros(moved.shape[1])
-    for axis in range(len(shift)):
-        values = moved[held[:, axis], axis]
-        if len(values) and values.min() * values.max() > 0.0 and not bed.any():
-            shift[axis] = min(values.min(), values.max(), key=abs)
-    return shift
 
 
 def check_held(body: PosedBody, mesh: Mesh, sides: Sides) -> None:

@@ -10,7 +10,7 @@ sys.path[:0] = [str(HERE), str(HERE / "_ext")]
 
 project, author, release = "kaju", "The kaju developers", kaju.__version__
 extensions = [
-    "myst_nb",
+    "myst_parser",
     "sphinx.ext.autodoc",
     "sphinx.ext.autosummary",
     "sphinx.ext.napoleon",
@@ -22,9 +22,6 @@ exclude_patterns = ["_build", "pages", "lessons/de", "lessons/ja"]
 templates_path = ["_templates"]
 myst_enable_extensions = ["dollarmath", "colon_fence", "attrs_inline"]
 myst_heading_anchors = 3
-nb_execution_mode = "cache"
-nb_execution_raise_on_error = True
-nb_execution_timeout = 300
 autosummary_generate = True
 autodoc_default_options = {"exclude-members": "__init__, __new__"}  # Mesa's own are no valid reST
 autodoc_typehints = "none"  # Parameters say it in words

@@ -6,6 +6,7 @@ The photograph of the page needs Debian's chromium.
 from __future__ import annotations
 
 import argparse
+import doctest
 import itertools
 import re
 import shutil
@@ -45,6 +46,7 @@ def main() -> None:
     kaju.plot(cube, "agents").savefig(folder / "agents_octree.png", dpi=110)
     lug = kaju.solve(kaju.load_scene(EXAMPLES / "lug.toml"), tolerance=0.05)
     kaju.plot(lug, "von_mises").savefig(folder / "lug.png", dpi=90)
+    _tutorials(folder)
     _bracket().savefig(folder / "bracket.png", dpi=110)
     _stability().savefig(folder / "stability_map.png", dpi=100)
     study = beside_elasticity(kaju.load_scene(EXAMPLES / "plate.toml"), evaluations=600)
@@ -52,6 +54,15 @@ def main() -> None:
         save(figure, folder / f"comparison_{name}.png")
     _table(study)
     _photograph(folder / "page.png")
+
+
+def _tutorials(folder: Path) -> None:
+    """Draw what two tutorials plot, by the programs that stand in them."""
+    for name in ("own-agent", "tolerance"):
+        page = HERE / "tutorials" / f"{name}.md"
+        told = doctest.DocTestParser().get_doctest(page.read_text(), {}, name, str(page), 0)
+        doctest.DocTestRunner().run(told, clear_globs=False)
+        told.globs["figure"].savefig(folder / f"{name.replace('-', '_')}.png", dpi=90)
 
 
 def _table(study: RuleStudy) -> None:

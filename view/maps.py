@@ -98,8 +98,9 @@ def plot_map(
         look = colours_of(shown, squares.value, top)
         drawn = draw_squares(picture.ax, layer, squares, "map", **look)
         extend = ("both" if shown.signed else "max") if beyond else "neither"
+        told = "mean of an agent"  # at a point it may be larger
     else:
-        run, extend = cast(TransferResult, result), "neither"
+        run, extend, told = cast(TransferResult, result), "neither", "value"
         shown = quantity_of(run, what, component)
         section = section_of(run.grid, run.focus, cut, crop, caveats=run.caveats_in_brief)
         picture = BodyPicture(section, ax, run.stage)
@@ -109,7 +110,7 @@ def plot_map(
     label = shown.title[0].lower() + shown.title[1:]
     colour_bar(picture.ax, drawn, label, shown.unit, extend)
     extreme = float(shown.values[first_largest(np.abs(shown.values))])
-    notes = [f"largest value {quantity(extreme, shown.unit)}; " + "; ".join(picture.notes)]
+    notes = [f"largest {told} {quantity(extreme, shown.unit)}; " + "; ".join(picture.notes)]
     return picture.finish(shown.title, notes)
 
 

@@ -80,6 +80,7 @@ function cutCard(page, cuts) {
 function whereCard(page) {
   const { t, run, g } = page, { ledger } = run;
   if (!ledger) return [make("summary", { textContent: t("onlyTwin") })];
+  if (run.grown) return [make("summary", { textContent: t("whereWent", { n: quantity(ledger.applied, "N") }) }), make("p", { textContent: t("grown") })];
   const { applied, rows } = ledger, now = rows[g], parts = (row) => [["way", row.way], ["ended", row.ended], ["ground", row.ground], ["made", -row.made]], high = Math.max(...rows.slice(0, page.limit + 1).map((row) => parts(row).reduce((sum, [, v]) => sum + Math.max(0, v), 0)));
   const [w, h, x, y] = [340, 118, 40, 8], X = (i) => x + (w - x - 10) * i / Math.max(1, rows.length - 1), Y = (v) => y + (h - y - 22) * (1 - v / (high || 1)), shown = rows.slice(0, Math.min(rows.length, page.limit + 1)), areas = [];
   const below = shown.map(() => 0);
@@ -89,7 +90,7 @@ function whereCard(page) {
     areas.push(draw("polygon", { class: name, points: [...below.map((v, i) => `${X(i)},${Y(v)}`), ...from.map((v, i) => `${X(i)},${Y(v)}`).reverse()].join(" ") }));
   }
   const ticks = [...ticksOf(0, high, 2).map((v) => draw("text", { x: x - 4, y: Y(v) + 4, "text-anchor": "end" }, quantity(v, "N"))), ...ticksOf(0, rows.length - 1, 4).filter(Number.isInteger).map((i) => draw("text", { x: X(i), y: h - 4, "text-anchor": "middle" }, String(i)))];
-  const words = { way: "onItsWay", ended: "itEnded", ground: "toGround", made: now.made > 0 ? "madeBy" : "lostBy" }, list = parts(now).filter(([name, v]) => name === "ground" || Math.abs(v) > SAME * applied);
+  const words = { way: "onItsWay", ended: "itEnded", ground: "toGround", made: now.made > 0 ? "madeBy" : "lostBy" }, list = parts(now).filter(([name, v]) => name === "ground" || name === "way" || Math.abs(v) > SAME * applied);
   const { own, out } = page.deformable ? { own: run.transfer.shares[0].own, out: run.transfer.emitted[0] } : {}, kept = run.taken.value.subarray(0, run.taken.offset[g]).reduce((a, b) => a + b, 0) * own;
   return [make("summary", { textContent: t("whereWent", { n: quantity(applied, "N") }) }), make("p", { className: "small soft", textContent: t("overGenerations") }),
     draw("svg", { class: "chart where", viewBox: `0 0 ${w} ${h}`, role: "img", "aria-label": t("whereWent", { n: quantity(applied, "N") }) }, ...areas, draw("path", { class: "now", d: `M${X(g)} ${y}V${h - 20}` }), ...ticks),

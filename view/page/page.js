@@ -83,7 +83,8 @@ export class Page {
     const run = new Twin(this.scene, this.cells, this.stage).run(MOST_GENERATIONS, PATIENCE);
     clearTimeout(this.rest);
     const more = () => {
-      if (this.run !== run || this.over) return;
+      if (this.run !== run) return;
+      if (this.over) { if (this.plays) this.toggle(true); this.plays = false; return; }
       if (this.playing && run.generation > this.g + PLAYED) { this.rest = setTimeout(more, 100); return; }   // what is played comes first
       const atEnd = this.g === run.generation;
       run.run(MOST_GENERATIONS, PATIENCE);
@@ -124,7 +125,7 @@ export class Page {
     this.adopt(this.compute());
     this.seek(goal);
   }
-  load({ scene, cells, stage, look, generation }) {
+  load({ scene, cells, stage, look, generation, plays }) {
     this.scene = structuredClone(scene); this.cells = (cells ?? this.start.cells).slice(); this.stage = stage ?? scene.stages;
     this.factor = 1; this.picked = -1; this.material = "";
     if (this.look.mode === "cell") this.look.mode = this.lesson?.home ?? "body";   // that cell is of another body
@@ -133,6 +134,7 @@ export class Page {
     this.changed = !this.presets.some((preset) => preset.scene === scene);
     this.renew(generation ?? (this.lesson ? 0 : Infinity));
     this.rebuild();
+    this.plays = plays;                          // once all of it is known
   }
   /** Change how the page looks: one step back for who undoes. */
   set(key, value) { this.look[key] = value; this.past.note(); this.later(); }
@@ -251,7 +253,6 @@ export class Page {
   }
   /** Ends of the colours, from the last generation, so that frames compare. */
   scale(colour = this.look.colour) {
-    if (this.run.grown && ["taken", "now"].includes(colour)) return { low: 0, high: largestOf(this.values(colour)) || 1 };   // one scale for all of it would show one colour for long
     if (!this.scales.has(colour)) {
       const keep = this.g, { value, n } = this.run.taken;
       this.goTo(Infinity);
@@ -305,7 +306,7 @@ export class Page {
     if (this.picked >= 0) paintPick(view, L.cell(this.picked), inks);
     if (part.window) view.ctx.clearRect(0, view.h - 52, view.w, 52);
     if (!box.w && (!this.lesson || this.g > 0)) paintLegend(view, scale, this.word(look.colour), this.kindOf(scale), (v) => quantity(v, UNITS[look.colour], scale.log ? 0 : scale.high), inks);
-    const scaled = moved ? t("magnified", { n: quantity(factor, "") }) : run.grown && this.g >= run.generation ? t("grown") : run.atRest && !run.generation ? t("nothing") : look.colour === "taken" && !box.w && this.canvas.clientWidth > 520 && values.some((v) => v > 1.001 * run.applied) ? t("takenMore") : "";
+    const scaled = moved ? t("magnified", { n: quantity(factor, "") }) : run.grown && this.g >= run.generation ? t("grown") : run.atRest && !run.generation ? t("nothing") : look.colour === "taken" && (this.lesson || this.picked >= 0) && !box.w && this.canvas.clientWidth > 520 && values.some((v) => v > 1.001 * run.applied) ? t("takenMore") : "";
     const ruled = this.deformable && !box.w && moved ? t("keepsNone") : "";   // beside cuts a card says so
     const sensed = look.arrows && !box.w && run.C > L.D ? t("arrowKey") : "";
     const read = this.picked >= 0 && storyOf(this, this.picked), took = read ? `(${read.cell.join(", ")}): ${t("took")} ${quantity(read.total, "N")}` : "", asked = this.lesson?.question?.show?.rule ? `${t("agents")}: ${run.alive[this.g - 1] ?? 0}` : "";   // on a phone the panel is a long way down
@@ -330,7 +331,7 @@ export class Page {
     const { parts, t, run, g } = this, on = Boolean(this.playing);
     parts.count.textContent = parts.time.ariaValueText = text;
     this.canvas.ariaLabel = `${this.say(this.title) || "kaju"}. ${text}`;
-    if (!this.timed) this.look.speed = [1, 2, 4, 8, 15, 30, 60].find((n) => run.generation <= (this.lesson ? 20 * n : n < 8 ? 0 : 10 * n)) ?? 60;   // nobody watches for minutes
+    if (!this.timed) this.look.speed = [1, 2, 4, 8, 15, 30, 60].find((n) => run.generation <= (this.lesson ? 20 : n < 15 ? 4 : 8) * n) ?? 60;   // nobody watches for minutes
     Object.assign(parts.time, { max: Math.min(run.generation, this.limit), value: g }); parts.speed.value = this.look.speed;   // no guess is told how long it goes on
     tellMarks(this); this.lesson?.tell();
     if (parts.shows === on) return;
@@ -506,6 +507,6 @@ function usual(scene) {
     { word: "tryFine", scene: other((r) => { r.threshold /= 10; }) },
     { word: "tryWalk", scene: other((r) => { r.beta = 1; }) },
     { word: "tryAdd", scene: other((r) => { r.accumulate = true; r.alpha = [alpha[0], 0.9 * alpha[1], 0.6 * alpha[2]]; r.beta = 0.7; }) },
-    { word: "tryBlow", scene: other((r) => { r.accumulate = true; r.alpha = [alpha[0], Math.max(alpha[1], 0.5), Math.max(alpha[2], 0.25)]; }) },
+    { word: "tryBlow", plays: true, scene: other((r) => { r.accumulate = true; r.alpha = [alpha[0], Math.max(alpha[1], 0.5), Math.max(alpha[2], 0.25)]; }) },
   ];
 }

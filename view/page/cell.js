@@ -3,7 +3,7 @@ import { button, iconButton, make, MODES } from "./controls.js";
 import { AIR, RIGID } from "./lattice.js";
 import { colourOf, css, FONT, paintWord } from "./paint.js";
 import { storyCard } from "./panels.js";
-import { sharesOf, Twin } from "./rule.js";
+import { sharesOf, Transfer, Twin } from "./rule.js";
 import { general, quantity } from "./words.js";
 
 /** Every load that reached a cell up to a generation: {generation, channel, each, copies, from, arm, ends}; null if too many travel. */
@@ -45,7 +45,7 @@ export function arrivals({ scene, cells, stage }, k, until) {
 
 /** What leaves of one load: {arm, channel, load, ends, kind}, and what is kept. */
 export function leaving(scene, run, k, channel, load) {
-  const { lattice: L, kinds } = run, T = run.transfer ?? new Twin(scene, [], 1).transfer, { C, most } = T, { threshold, accumulate } = scene.rule, list = [];
+  const { lattice: L, kinds } = run, T = run.transfer ?? new Transfer(scene, L), { C, most } = T, { threshold, accumulate } = scene.rule, list = [];
   const pull = channel >= L.D, ahead = pull ? L.opposite[channel - L.D] : channel;
   for (let e = 0; e < most; e++) {
     const at = (kinds[k] * C + channel) * most + e, out = T.share[at] * load, arm = T.arm[at];
@@ -82,6 +82,8 @@ function sign(L, channel) { const [x, y] = L.normals[channel % L.D]; return "→
 
 /** How much of a load P leaves, by the names of its shares; a lesson says the one that has a long name in numbers, as its questions do. */
 const formulaOf = (page, { kind, load }, P) => (kind === "outwards" && page.lesson ? `${general(load / P, 3)} P` : { ahead: "α₂P", along: "α₃P", outwards: "(1−β)να₁P" }[kind]);
+/** An arrow stands where its load goes: so far over that side, back along itself, back along what came; and its length. In cells. */
+const STANDS = { ahead: [0.46, 0, 0, 0.55], along: [0.78, 0.06, 0, 0.36], outwards: [0.54, 0, 0.34, 0.4] };
 const newtons = (load, largest) => quantity(Number((load * (1 + 1e-9)).toPrecision(3)), "N", largest);   // halves go up
 
 MODES.push({
@@ -174,13 +176,12 @@ function paintCell(page, box) {
     ctx.setLineDash(there ? [] : [3, 4]); ctx.strokeStyle = there ? inks.cell : inks.line; ctx.stroke(); ctx.setLineDash([]);
   }
   if (hex) for (let arm = 0; arm < L.D; arm++) { const [x, y] = out(arm); outline(cx + wide * s * x, cy + wide * s * y); ctx.fillStyle = inks.cell; ctx.fill(); }
-  const label = (arm) => {                     // in the far corner of the neighbour, out of the arrows' way
+  outline(cx, cy); ctx.fillStyle = inks.paper; ctx.fill(); ctx.setLineDash([4, 3]); ctx.strokeStyle = inks.ink; ctx.stroke(); ctx.setLineDash([]);
+  for (let arm = 0; arm < L.D; arm++) {        // its name in the far corner of a neighbour, out of the arrows' way
     const [x, y] = out(arm), n = L.neighbour(k, arm), kind = run.kinds[n], word = kind >= 0 ? cellName(L, n) : t(kind === AIR ? "air_" : kind === RIGID ? "ground" : "roller");
     const flat = Math.abs(y) < 0.5;
     if (!flat || s >= 100) paintWord(ctx, word, cx + (flat ? 1.17 * Math.sign(x) : hex ? 1.17 * x : -0.46) * s, cy + (flat ? -0.44 : 1.13 * y) * s, inks.soft, inks, { font, align: flat && x > 0 ? "right" : "left" });
-  };
-  outline(cx, cy); ctx.fillStyle = inks.paper; ctx.fill(); ctx.setLineDash([4, 3]); ctx.strokeStyle = inks.ink; ctx.stroke(); ctx.setLineDash([]);
-  for (let arm = 0; arm < L.D; arm++) label(arm);
+  }
   if (!row) { paintOwn(page, cx, cy, s, outline, bold); ctx.restore(); return; }
   const { list, own } = leaving(run.scene, run, k, row.channel, row.each), P = row.each, scale = 0.2 * s / P, width = (load) => Math.max(2, load * scale * 1.3);
   const [dx, dy] = out(row.channel % L.D), pull = row.channel >= L.D, squeeze = 0.94;   // drawn squeezed along the load
@@ -196,10 +197,8 @@ function paintCell(page, box) {
   say(`P = ${newtons(P)}`, beside[0], beside[1], inks.load, bold, beside[2]);
   if (s > 120) say(`${t("cameFrom")} ${row.from < 0 ? t("outside") : run.kinds[row.from] >= 0 ? cellName(L, row.from) : senderOf(page, row, k)}`, beside[0], beside[1] + 18, inks.ink, font, beside[2]);
   for (const { arm, channel, load, ends, kind } of list) {
-    const [ax, ay] = out(arm), [ex, ey] = out(channel % L.D), length = kind === "ahead" ? 0.55 * s : kind === "along" ? 0.36 * s : 0.4 * s;
-    // each stands where its load goes, and points along the load
-    const x = kind === "ahead" ? cx + ax * 0.46 * s : cx + ax * (kind === "along" ? 0.78 : 0.54) * s - (kind === "along" ? ex * 0.06 * s : dx * 0.34 * s);
-    const y = kind === "ahead" ? cy + ay * 0.46 * s : cy + ay * (kind === "along" ? 0.78 : 0.54) * s - (kind === "along" ? ey * 0.06 * s : dy * 0.34 * s);
+    const [ax, ay] = out(arm), [ex, ey] = out(channel % L.D), [over, along, back, long] = STANDS[kind], length = long * s;
+    const x = cx + s * (over * ax - along * ex - back * dx), y = cy + s * (over * ay - along * ey - back * dy);
     thick(ctx, x, y, ex, ey, length, Math.max(ends ? 8 : 2, width(load)), inks.load, inks, ends);
     const text = `${newtons(load, P)}${ends ? `: ${t("ends_")}` : ""}`, upright = Math.abs(ey) > 0.5;
     const [wx, wy] = kind === "ahead" ? [x + ex * length * 0.6 + (upright ? width(load) / 2 + 10 : 0), y + ey * length * 0.6 + (upright ? 0 : width(load) / 2 + 14)] : kind === "along" ? [x + ex * length * (upright ? 0.5 : 0.5), y + ey * length + (upright ? ey * 14 : 18)] : upright ? [x - 12, y + ey * length * 0.5] : [x + ex * length * 0.5, y + 17];

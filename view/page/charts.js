@@ -8,9 +8,8 @@ export function curvesOf(run) {
   const { offset, value } = run.taken, largest = Array.from({ length: run.generation }, (_, g) => value.subarray(offset[g], offset[g + 1]).reduce((top, load) => Math.max(top, load), 0));
   let sum = 0;
   const taken = Array.from(run.waits, (load) => (sum += load));
-  const curves = [["agents", "", [run.alive], []], ["onTheWay", "N", [run.waits], []], ["largest", "N", [largest], []]];
-  if (run.absorbed) curves.push(["absorbedInAll", "N", [run.absorbed], []]);
-  return [...curves, [run.ended ? "ledger" : "takenInAll", "N", run.ended ? [taken, run.ended] : [taken], ["takenInAll", "endedInAll"]]];
+  return [["agents", "", [run.alive], []], ["onTheWay", "N", [run.waits], []], ["largest", "N", [largest], []],
+    ...(run.absorbed ? [["absorbedInAll", "N", [run.absorbed], []]] : []), [run.ended ? "ledger" : "takenInAll", "N", run.ended ? [taken, run.ended] : [taken], ["takenInAll", "endedInAll"]]];
 }
 
 const LEFT = 40, RIGHT = 10, FOOT = 18, LINE = 14;

@@ -1,6 +1,6 @@
 // Equilibrium at a glance: the force through every cut, rule beside elasticity; the part beyond a cut
 // as a free body; and where the force of the loads has gone.
-import { agentsOf, askElastic, bothOf, cutsOf, fieldsOf, loadAxis } from "./twin.js";
+import { agentsOf, askElastic, bothOf, cutsOf, loadAxis } from "./twin.js";
 import { ticksOf } from "./charts.js";
 import { button, draw, make, MODES } from "./controls.js";
 import { FONT, paintLegend, paintNumbers, paintWord } from "./paint.js";
@@ -16,10 +16,9 @@ const moveTo = (page, row) => page.set("row", Math.max(0, Math.min(depthOf(page)
 
 /** The cuts of both answers at this generation, from one end of the axis to the other. */
 export function balanceOf(page) {
-  const { run, elasticity: answer } = page, { pressure, displacement } = page.deformed();
-  const rule = cutsOf(run, fieldsOf(run, pressure, displacement).along);
-  if (answer) answer.cuts ??= cutsOf(run, fieldsOf(run, answer.stress.slice(0, run.lattice.dimension).map((s) => s.map((x) => -x)), answer.displacement).along);
-  return rule.map((cut, i) => ({ ...cut, elastic: answer ? answer.cuts[i]?.carried ?? NaN : NaN }));
+  const { run, elasticity: answer } = page, { rule, elastic } = bothOf(page, "along");
+  if (answer) answer.cuts ??= cutsOf(run, elastic);
+  return cutsOf(run, rule).map((cut, i) => ({ ...cut, elastic: answer?.cuts[i]?.carried ?? NaN }));
 }
 function csvOfCuts(page) {
   const { lattice: { h } } = page.run, name = "xyz"[loadAxis(page.scene).axis];

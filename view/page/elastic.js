@@ -5,7 +5,9 @@
 // their energy. Solved by conjugate gradients with an over-relaxed sweep there and back a step. Lengths
 // are in cells, moduli in the largest Young's modulus.
 
-const [_AIR, _RIGID, _ROLLER, _BED] = [-1, -2, -3, -4];
+import { AIR, RIGID, ROLLER, SIDES } from "./lattice.js";
+
+const BED = -4;                                // beyond a side that gives way
 const [ABSENT, FIXED, ACTIVE] = [0, 1, 2];     // no body beside a face; its place is given; it is free
 const REENTRANT = 0.5;                         // share of its shear that a corner with one air cell keeps
 const RELAXED = 1.6;                           // of plates of 20² to 150² cells the quickest
@@ -66,7 +68,7 @@ export class StaggeredGrid {
     this.X = nx + 2, this.Y = ny + 2, this.h = lattice.cell_size;
     this.first = (this.X + 1) * this.Y;          // where the faces normal to y begin
     this.size = this.first + this.X * (this.Y + 1);
-    this.kinds = new Int16Array(this.X * this.Y).fill(_AIR);
+    this.kinds = new Int16Array(this.X * this.Y).fill(AIR);
     for (let x = 0; x < nx; x++) for (let y = 0; y < ny; y++)
       this.kinds[(x + 1) * this.Y + y + 1] = cells[x * ny + y];
     this.used = materials.filter((_, m) => materials.length === 1 || cells.includes(m));
@@ -77,14 +79,14 @@ export class StaggeredGrid {
     this.fixed = new Float64Array(this.size), this.spring = new Float64Array(this.size);
     this.force = new Float64Array(this.size);
     this.surfaceShear = new Float64Array((this.X + 1) * (this.Y + 1));
-    ["left", "right", "bottom", "top"].forEach((name, s) => this.layRim(s, sides[name]));
-    ["left", "right", "bottom", "top"].forEach((name, s) => this.holdSide(s, sides[name]));
+    SIDES[2].forEach((name, s) => this.layRim(s, sides[name]));
+    SIDES[2].forEach((name, s) => this.holdSide(s, sides[name]));
     this.findStates();
     this.findCorners();
     for (const load of loads) this.enter(load);
   }
 
-  kind(i, j) { return i < 0 || j < 0 || i >= this.X || j >= this.Y ? _AIR : this.kinds[i * this.Y + j]; }
+  kind(i, j) { return i < 0 || j < 0 || i >= this.X || j >= this.Y ? AIR : this.kinds[i * this.Y + j]; }
   face(axis, i, j) { return axis ? this.first + i * (this.Y + 1) + j : i * this.Y + j; }
   state(axis, i, j) {
     const inside = i >= 0 && j >= 0 && i < this.X + (axis ? 0 : 1) && j < this.Y + (axis ? 1 : 0);
@@ -93,8 +95,8 @@ export class StaggeredGrid {
 
   /** Say what lies beyond a side: a word, {stiffness} (N/m³) or {displacement} (m). */
   layRim(side, condition = "free") {
-    const code = { free: _AIR, rigid: _RIGID, roller: _ROLLER }[condition]
-      ?? (condition.stiffness != null ? _BED : !condition.displacement ? _AIR : condition.displacement.includes("free") ? _ROLLER : _RIGID);
+    const code = { free: AIR, rigid: RIGID, roller: ROLLER }[condition]
+      ?? (condition.stiffness != null ? BED : !condition.displacement ? AIR : condition.displacement.includes("free") ? ROLLER : RIGID);
     const last = side < 2 ? this.Y : this.X;
     for (let k = 1; k < last - 1; k++) {
       const [i, j] = side < 2 ? [side & 1 ? this.X - 1 : 0, k] : [k, side & 1 ? this.Y - 1 : 0];
@@ -113,7 +115,7 @@ export class StaggeredGrid {
     if (!condition.displacement) return;
     const moved = condition.displacement.map((d) => d / this.scale), inner = upper ? cells - 2 : 1;
     line(axis, upper ? cells - 1 : 1, (f, k) => {
-      if (this.kind(...(axis ? [k, inner] : [inner, k])) !== _RIGID) this.fixed[f] = moved[axis];
+      if (this.kind(...(axis ? [k, inner] : [inner, k])) !== RIGID) this.fixed[f] = moved[axis];
     });
     if (condition.displacement[across] !== "free") line(across, upper ? cells - 1 : 0, (f) => { this.fixed[f] = moved[across]; });
   }
@@ -123,7 +125,7 @@ export class StaggeredGrid {
       const [axis, i, j] = this.place(f);
       if (axis ? j === 0 || j === this.Y : i === 0 || i === this.X) continue;
       const a = this.kind(i - 1 + axis, j - axis), b = this.kind(i, j), body = a >= 0 || b >= 0;
-      const rigid = a === _RIGID || b === _RIGID, roller = a === _ROLLER || b === _ROLLER;
+      const rigid = a === RIGID || b === RIGID, roller = a === ROLLER || b === ROLLER;
       this.states[f] = rigid || (roller && body) ? FIXED : body ? ACTIVE : ABSENT;
     }
   }
@@ -134,8 +136,8 @@ export class StaggeredGrid {
       let total = 0, filled = 0, rigid = 0, air = 0;
       for (let n = 0; n < 4; n++) {
         const kind = this.kind(i - (n >> 1), j - (n & 1));
-        if (kind >= 0) { total += 1 / this.law[kind][2]; filled++; } else if (kind === _RIGID) rigid++;
-        else if (kind === _AIR) air++;
+        if (kind >= 0) { total += 1 / this.law[kind][2]; filled++; } else if (kind === RIGID) rigid++;
+        else if (kind === AIR) air++;
       }
       this.shear[i * (this.Y + 1) + j] = filled + rigid === 4 && filled ? 4 / total
         : filled === 3 && air === 1 ? REENTRANT * 3 / total : 0;
@@ -158,8 +160,8 @@ export class StaggeredGrid {
   drag(axis, side, cell, value) {
     const normal = side >> 1, upper = side & 1, beyond = shifted(cell, normal, 2 * upper - 1);
     const kind = this.kind(...beyond), outward = 2 * upper - 1;
-    const free = [_AIR, _ROLLER, _BED].includes(kind);
-    const own = free ? 0.5 : kind === _RIGID ? 0 : 0.25;  // ground takes all of it
+    const free = [AIR, ROLLER, BED].includes(kind);
+    const own = free ? 0.5 : kind === RIGID ? 0 : 0.25;  // ground takes all of it
     for (const end of [0, 1]) {
       this.add(axis, shifted(cell, axis, end), own * value);
       this.add(axis, shifted(beyond, axis, end), (0.5 - own) * value);
@@ -176,7 +178,7 @@ export class StaggeredGrid {
     let lost = 0;
     for (const step of [-1, 1]) {
       const beside = shifted(surface, axis, step), runsOn = this.state(normal, ...beside) === ACTIVE;
-      const walled = !runsOn && this.kind(...shifted(cell, axis, step)) === _RIGID;
+      const walled = !runsOn && this.kind(...shifted(cell, axis, step)) === RIGID;
       const there = runsOn ? 0.5 : walled ? 1 : 0;
       this.add(normal, beside, -step * there * moment);
       this.add(normal, surface, step * there * moment);
@@ -202,7 +204,7 @@ export class StaggeredGrid {
     const edges = [-1, 1].map((step) => edgeBelow(cell, axis, normal, upper, step));
     const turns = edges.map((edge) => this.along(axis, normal, edge, ACTIVE) && this.along(normal, axis, edge, ACTIVE));
     const count = turns.filter(Boolean).length, below = this.kind(...shifted(cell, normal, 1 - 2 * upper));
-    const lifts = !count && (below >= 0 || below === _RIGID);
+    const lifts = !count && (below >= 0 || below === RIGID);
     edges.forEach((edge, n) => {
       if (lifts) this.tilt(axis, normal, edge, 0.5 * moment);
       if (!turns[n]) return;
@@ -254,7 +256,7 @@ export class StaggeredGrid {
       if (this.spring[f]) put(f, f, this.spring[f]);
       load[number[f]] += this.force[f];
     }
-    return { number, load, matrix: packed(n, columns, values) };
+    return { number, load, matrix: { columns: columns.map((c) => Math.max(c, 0)), values } };
   }
   solve() {
     const { number, load, matrix } = this.assemble(), u = this.fixed.slice(), { x, iterations } = conjugateGradients(matrix, load);
@@ -281,7 +283,7 @@ export class StaggeredGrid {
 
   /** Whether two cells that share a face could slide past each other. */
   isSlender() {
-    const solid = (k) => k >= 0, rigid = (k) => k === _RIGID;
+    const solid = (k) => k >= 0, rigid = (k) => k === RIGID;
     const corner = (i, j) => this.shear[i * (this.Y + 1) + j] > 0;
     for (const axis of [0, 1]) for (let i = 0; i < this.X - 1 + axis; i++) for (let j = 0; j < this.Y - axis; j++) {
       const [k, l] = [i + 1 - axis, j + axis], a = this.kind(i, j), b = this.kind(k, l), across = 1 - axis;
@@ -336,42 +338,24 @@ function freeMotion(places, X, Y) {
   return false;
 }
 
-// Sparse matrices: rows one after the other, {rows, start, index, value}.
+// Sparse matrices: nine places a row, those that no face needs hold 0.
 
-function packed(n, columns, values) {
-  const start = new Int32Array(n + 1), width = columns.length / n;
-  for (let i = 0; i < n; i++) {
-    let count = 0;
-    while (count < width && columns[width * i + count] >= 0) count++;
-    start[i + 1] = start[i] + count;
-  }
-  const index = new Int32Array(start[n]), value = new Float64Array(start[n]);
-  for (let i = 0; i < n; i++) for (let k = 0; k < start[i + 1] - start[i]; k++) {
-    index[start[i] + k] = columns[width * i + k];
-    value[start[i] + k] = values[width * i + k];
-  }
-  return { rows: n, start, index, value };
+/** What a row of a matrix makes of a vector. */
+function rowTimes({ columns, values }, row, x) {
+  let sum = 0;
+  for (let k = 9 * row, end = k + 9; k < end; k++) sum += values[k] * x[columns[k]];
+  return sum;
 }
-function multiply({ rows, start, index, value }, x, out) {
-  for (let i = 0; i < rows; i++) {
-    let sum = 0;
-    for (let k = start[i], end = start[i + 1]; k < end; k++) sum += value[k] * x[index[k]];
-    out[i] = sum;
-  }
-  return out;
-}
-function sweep({ rows, start, index, value }, inverse, load, x, backward) {
-  for (let n = 0; n < rows; n++) {
-    const i = backward ? rows - 1 - n : n;
-    let left = load[i];
-    for (let k = start[i], end = start[i + 1]; k < end; k++) left -= value[k] * x[index[k]];
-    x[i] += RELAXED * left * inverse[i];
+function sweep(matrix, inverse, load, x, backward) {
+  for (let n = 0; n < x.length; n++) {
+    const i = backward ? x.length - 1 - n : n;
+    x[i] += RELAXED * (load[i] - rowTimes(matrix, i, x)) * inverse[i];
   }
 }
 /** To a residual, as the sweeps weigh it, that is a share of the load's. */
 function conjugateGradients(matrix, load) {
   const n = load.length, [x, p, q, z, inverse] = Array.from({ length: 5 }, () => new Float64Array(n)), r = load.slice();
-  for (let i = 0; i < n; i++) for (let k = matrix.start[i]; k < matrix.start[i + 1]; k++) if (matrix.index[k] === i && matrix.value[k] > 0) inverse[i] = 1 / matrix.value[k];
+  matrix.values.forEach((value, k) => { const i = Math.floor(k / 9); if (matrix.columns[k] === i && value > 0) inverse[i] = 1 / value; });
   const dot = (a, b) => { let sum = 0; for (let i = 0; i < n; i++) sum += a[i] * b[i]; return sum; };
   let rho = 0, first = 0, iterations = 0, left = 0;
   for (; iterations <= MOST_ITERATIONS; iterations++) {
@@ -384,7 +368,7 @@ function conjugateGradients(matrix, load) {
     const beta = iterations ? next / rho : 0;
     rho = next;
     for (let i = 0; i < n; i++) p[i] = z[i] + beta * p[i];
-    multiply(matrix, p, q);
+    for (let i = 0; i < n; i++) q[i] = rowTimes(matrix, i, p);
     const curvature = dot(p, q);
     if (!(curvature > 0)) break;
     const step = rho / curvature;

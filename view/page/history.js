@@ -1,17 +1,20 @@
 // The append-only history of a run, and what can be read from it at any generation.
 import { Lattice } from "./lattice.js";
 
+/** An array with room for twice as much. */
+export function doubled(array) {
+  const larger = new array.constructor(2 * array.length || 256);
+  larger.set(array);
+  return larger;
+}
+
 /** Rows (index, value), one offset a generation. */
 export class Log {
   constructor(index = new Uint32Array(256), value = new Float64Array(256), offset = [0]) {
     this.index = index; this.value = value; this.offset = offset; this.n = offset[offset.length - 1];
   }
   push(index, value) {
-    if (this.n === this.index.length) for (const name of ["index", "value"]) {
-      const larger = new this[name].constructor(2 * this.n || 256);
-      larger.set(this[name]);
-      this[name] = larger;
-    }
+    if (this.n === this.index.length) { this.index = doubled(this.index); this.value = doubled(this.value); }
     this.index[this.n] = index; this.value[this.n++] = value;
   }
   close() { this.offset.push(this.n); }
@@ -63,7 +66,10 @@ export async function unpack(bytes) {
 
 // --------------------------------------------------------------------------- runs from outside
 
-/** A run from a file. */
+/** What is noted of every cell of a run besides the loads it took: how many numbers by name. */
+export const notesOf = ({ lattice: { D, axes }, states = [] }) => ({ passed: D, dropped: 1, returned: 1, kept: axes.length, stretch: axes.length, ...Object.fromEntries(states.map(([name]) => [`state ${name}`, 1])) });
+
+/** A run: what it begins with, or what a file tells of it. */
 export class Recorded {
   constructor(scene, cells, stage = scene.stages) {
     this.scene = scene; this.stage = stage;
@@ -73,14 +79,14 @@ export class Recorded {
     this.spawn = new Int32Array(L.size); this.woken = new Uint8Array(L.size);
     this.taken = new Log();
     this.alive = []; this.waits = []; this.agents = 0; this.generation = 0;
-    this.atRest = true;
   }
+  get atRest() { return true; }
   /** Take a run's columns; of what is not known there are none. */
   read(columns) {
     const { key, spawn, woken } = columns;
     this.waits = this.log(this.taken, columns, "");
     this.generation = this.waits.length;
-    for (const name of ["passed", "dropped", "returned", "kept", "stretch", ...(this.states ?? []).map(([n]) => `state ${n}`)])
+    for (const name of Object.keys(notesOf(this)))
       if (columns[`${name} offset`]) this.log(this[name] = new Log(), columns, `${name} `);
     const born = new Int32Array(this.generation + 1);
     key.forEach((k, i) => { this.spawn[k] = spawn[i]; this.woken[k] = woken[i]; born[spawn[i]]++; });

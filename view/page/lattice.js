@@ -6,7 +6,7 @@ const HEXAGON_STEPS = [                        // by parity of the row, over arm
   [[1, 0], [0, 1], [-1, 1], [-1, 0], [-1, -1], [0, -1]],
   [[1, 0], [1, 1], [0, 1], [-1, 0], [0, -1], [1, -1]],
 ];
-const SIDES = { 2: ["left", "right", "bottom", "top"],
+export const SIDES = { 2: ["left", "right", "bottom", "top"],
   3: ["left", "right", "front", "back", "bottom", "top"] };
 const range = (n, f) => Array.from({ length: n }, (_, i) => f(i));
 

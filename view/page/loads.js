@@ -3,7 +3,7 @@
 import { button, make, numberField } from "./controls.js";
 import { AIR } from "./lattice.js";
 import { arrow, FONT, paintWord } from "./paint.js";
-import { entering } from "./rule.js";
+import { dot, entering } from "./rule.js";
 import { largestForce } from "./scene.js";
 import { quantity } from "./words.js";
 
@@ -28,7 +28,7 @@ export class Loads {
     const groups = new Map(), found = new Map();
     this.list.forEach(({ force, face }, n) => {
       const size = Math.hypot(...force), normal = normals?.[face];
-      if (!normal || Math.abs(force.reduce((sum, f, a) => sum + f * normal[a], 0)) > 0.5 * size) return;
+      if (!normal || Math.abs(dot(force, normal)) > 0.5 * size) return;
       const key = `${face}:${force.map((f) => (f / size).toFixed(6))}`;
       groups.set(key, [...(groups.get(key) ?? []), n]);
     });
@@ -49,7 +49,7 @@ export class Loads {
   }
   /** Whether a force points out of the body at its cell, from a neighbour in the body. */
   pulls(cell, unit) {
-    const { lattice: L, kinds } = this.page.run, arm = L.normals.findIndex((n) => n.reduce((sum, x, a) => sum + x * unit[a], 0) > 0.9), beyond = (a) => kinds[L.neighbour(L.key(cell), a)];
+    const { lattice: L, kinds } = this.page.run, arm = L.normals.findIndex((n) => dot(n, unit) > 0.9), beyond = (a) => kinds[L.neighbour(L.key(cell), a)];
     return arm >= 0 && beyond(arm) === AIR && beyond(L.opposite[arm]) >= 0;
   }
   paint(view) {
@@ -110,10 +110,9 @@ export class Loads {
     const { page: { view, run } } = this, cell = view.cellAt(x, y);
     return cell && run.kinds[run.lattice.key(cell)] >= 0 ? cell : null;
   }
-  /** The cell under a pixel, or the nearest one of the body: never none. */
+  /** The cell of the body whose middle is nearest to a pixel: never none. */
   nearest(x, y) {
-    const found = this.cellAt(x, y), { view, run: { lattice: L, kinds } } = this.page;
-    if (found) return found;
+    const { view, run: { lattice: L, kinds } } = this.page;
     let best = null, least = Infinity;
     L.each((k) => {
       if (kinds[k] < 0) return;

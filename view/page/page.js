@@ -1,7 +1,7 @@
 // One view for all hosts: a run is drawn, whoever computed it: the twin in this page, or a record in the file.
 import { certifying, sharesOf, Twin } from "./rule.js";
 import { cornersOf, deformation } from "./deformation.js";
-import { Sums } from "./history.js";
+import { notesOf, Sums } from "./history.js";
 import { inksOf, paintCells, paintLegend, paintLoads, paintNumbers, paintPath, paintPick, View } from "./paint.js";
 import { curvesOf, paintGrid, partOf } from "./charts.js";
 import { icon, make, offered, waysOf } from "./controls.js";
@@ -99,10 +99,8 @@ export class Page {
   get over() { const { run } = this; return run.atRest || run.grown || run.generation >= MOST_GENERATIONS || run.taken?.n > MOST_ROWS; }
   adopt(run) {
     this.run = run; this.scales = new Map(); this.moved = null; this.curves = null;
-    const { lattice: L, C } = run, size = { taken: L.size * C, passed: L.size * L.D, dropped: L.size, returned: L.size, kept: L.size * L.axes.length, stretch: L.size * L.axes.length };
-    for (const [name] of run.states ?? []) size[`state ${name}`] = L.size;
     this.sums = {};
-    for (const [name, n] of Object.entries(size)) if (run[name]) this.sums[name] = new Sums(run[name], n);
+    for (const [name, width] of Object.entries({ taken: run.C, ...notesOf(run) })) if (run[name]) this.sums[name] = new Sums(run[name], width * run.lattice.size);
   }
   /** Change the scene: the certificate says at once what is known; the run follows when that is painted. */
   change(edit) {

@@ -31,10 +31,7 @@ function saves(page) {
     event.target.closest("details").open = false;
     try { page.announce(t("saved", { name: await save(page) })); } catch (error) { page.announce(t("noAnswer", { why: error.message })); }
   });
-  const items = [item("savePng", savePng)];
-  if (page.touchable) items.unshift(item("saveScene", saveScene));
-  if (page.run.taken) items.push(item("saveCsv", saveTable));
-  return items;
+  return [...(page.touchable ? [item("saveScene", saveScene)] : []), item("savePng", savePng), ...(page.run.taken ? [item("saveCsv", saveTable)] : [])];
 }
 
 /** Above the picture: ways of looking, and what the present one brings. */

@@ -1,7 +1,7 @@
 // The prescribed rule, one generation at a time: the twin of kaju's LoadModel on arrays. The same
 // loads are made, judged and added up in the same order, so that loads exactly at γ end alike.
-import { AIR, RIGID, ROLLER, Lattice } from "./lattice.js";
-import { Log } from "./history.js";
+import { AIR, RIGID, ROLLER } from "./lattice.js";
+import { doubled, Log, Recorded } from "./history.js";
 
 /** What an agent of a material keeps and passes on of 1 N. */
 export function sharesOf(rule, material, dimension) {
@@ -25,18 +25,13 @@ export class Transfer {
     this.share = column(Float64Array, 2);
     this.distinct = [...new Set(this.share)];
     this.number = Int32Array.from(this.share, (x) => this.distinct.indexOf(x));
-    const emitted = rows.map((row) => row.reduce((sum, e) => sum + e[2], 0));
-    this.emitted = emitted;                    // by material and channel
+    const emitted = this.emitted = rows.map((row) => row.reduce((sum, e) => sum + e[2], 0));   // by material and channel
     this.worst = Math.floor(emitted.indexOf(Math.max(...emitted)) / this.C);
     this.largest = this.share.reduce((a, b) => Math.max(a, b), 0);
-    this.undiminished = true;                  // whether every load has a share that is as large as it
-    for (let i = 0; i < this.share.length; i += this.most)
-      this.undiminished &&= Math.max(...this.share.slice(i, i + this.most)) >= 1;
+    this.undiminished = rows.every((row) => row.some((e) => e[2] >= 1));   // whether every load has a share that is as large as it
     this.rows = rows;
-    this.turned = { [AIR]: [], [RIGID]: [], [ROLLER]: [] };
-    for (const kind of [AIR, RIGID, ROLLER]) for (let arm = 0; arm < D; arm++) {
-      this.turned[kind].push(Int8Array.from({ length: this.C }, (_, c) => turn(lattice, kind, arm, c, sense)));
-    }
+    const turnedBy = (kind) => Array.from({ length: D }, (_, arm) => Int8Array.from({ length: this.C }, (_, c) => turn(lattice, kind, arm, c, sense)));
+    this.turned = Object.fromEntries([AIR, RIGID, ROLLER].map((kind) => [kind, turnedBy(kind)]));
   }
   /** By how much more than it took of a force a material passes on, of 1 N by channel; `along`: parts of the channels. */
   gains(along) { return this.rows.map((row, n) => row.reduce((sum, [, channel, share]) => sum + share * along[channel], -along[n % this.C])); }
@@ -146,22 +141,17 @@ class Post {
 }
 
 /** A run of the prescribed rule in the page. */
-export class Twin {
-  constructor(scene, cells, stage = scene.stages) {
-    this.scene = scene; this.stage = stage;
-    this.lattice = new Lattice(scene.lattice);
-    this.kinds = this.lattice.kinds(cells, scene.sides);
+export class Twin extends Recorded {
+  constructor(scene, cells, stage) {
+    super(scene, cells, stage);
     this.transfer = new Transfer(scene, this.lattice);
-    const { lattice: { size, D }, transfer: { C } } = this, { accumulate } = scene.rule;
-    Object.assign(this, { C, generation: 0, applied: 0, quiet: 0, pending: 0, agents: 0 });
-    this.spawn = new Int32Array(size); this.woken = new Uint8Array(size);
-    this.taken = new Log(); this.passed = new Log(); this.dropped = new Log(); this.returned = new Log();
-    this.given = new Log();                    // by boundary cell
-    this.ended = []; this.alive = []; this.waits = [];
+    const { C, lattice: { size, D } } = this, { accumulate } = scene.rule;
+    Object.assign(this, { applied: 0, quiet: 0, pending: 0, ended: [] });
     this.post = new Post(size * C, accumulate);
     this.leaving = accumulate ? new Post(size * D * C, true) : null;
-    this.sums = { passed: new Tally(size * D), dropped: new Tally(size), returned: new Tally(size), given: new Tally(size) };
-    const loads = appliedLoads(scene, this.lattice, this.kinds, stage);
+    this.sums = { passed: new Tally(size * D), dropped: new Tally(size), returned: new Tally(size), given: new Tally(size) };   // `given`: by boundary cell
+    for (const name of Object.keys(this.sums)) this[name] = new Log();
+    const loads = appliedLoads(scene, this.lattice, this.kinds, this.stage);
     this.ledger = new Ledger(this, loads);
     for (const [k, channel, magnitude] of loads) {
       this.applied += magnitude;
@@ -180,7 +170,7 @@ export class Twin {
     this.post.clear(); this.leaving?.clear();
     this.emit();
     if (this.leaving) this.giveBack();
-    for (const name of ["passed", "dropped", "returned", "given"]) this.sums[name].close(this[name]);
+    for (const [name, sums] of Object.entries(this.sums)) sums.close(this[name]);
     this.arrive();
     this.ended.push(this.quiet); this.alive.push(this.agents); this.ledger.close(this.waiting);
     return true;
@@ -206,7 +196,7 @@ export class Twin {
       const out = T.share[at] * w.magnitude[i], load = out * w.copies[i];
       if (load === 0) continue;
       const arm = T.arm[at], channel = T.channel[at];
-      if (!(out > least)) { sums.dropped.add(k, load); this.quiet += load; this.ledger.end(channel, load); continue; }
+      if (!(out > least)) { sums.dropped.add(k, load); this.rest(load, channel); continue; }
       const to = L.neighbour(k, arm), kind = kinds[to];
       sums.passed.add(k * D + arm, load);
       if (accumulate) {
@@ -222,7 +212,7 @@ export class Twin {
   }
   giveBack() {                                 // added up: boundaries judge what has met there
     const { lattice: { D }, C } = this;
-    const rows = this.leaving.judged(this.scene.rule.threshold, (load, state) => { this.quiet += load; this.ledger.end(state % C, load); });
+    const rows = this.judged(this.leaving);
     for (let i = 0; i < rows.n; i++) {
       const place = Math.floor(rows.state[i] / C), k = Math.floor(place / D);
       this.back(k, place - k * D, rows.state[i] - place * C, 0, rows.magnitude[i], rows.magnitude[i]);
@@ -235,9 +225,10 @@ export class Twin {
     this.ledger.turn(channel, turned, load);
     this.post.add(k * this.C + turned, id, amount, 0);
   }
+  rest(load, channel) { this.quiet += load; this.ledger.end(channel, load); }
+  judged(post) { return post.judged(this.scene.rule.threshold, (load, state) => this.rest(load, state % this.C)); }
   arrive() {                                   // judge what met, and wake agents for the rest
-    const { C } = this, rows = this.post.judged(this.scene.rule.threshold, (load, state) => { this.quiet += load; this.ledger.end(state % C, load); });
-    const born = this.generation + 1;
+    const { C } = this, rows = this.judged(this.post), born = this.generation + 1;
     this.woke = this.agents; this.pending = 0;
     for (let i = 0; i < rows.n; i++) {
       const k = Math.floor(rows.state[i] / C);
@@ -282,7 +273,7 @@ class Tally {
   constructor(size) { this.sum = new Float64Array(size); this.met = new Int32Array(64); this.n = 0; }
   add(index, load) {
     if (this.sum[index] === 0) {
-      if (this.n === this.met.length) { const m = new Int32Array(2 * this.n); m.set(this.met); this.met = m; }
+      if (this.n === this.met.length) this.met = doubled(this.met);
       this.met[this.n++] = index;
     }
     this.sum[index] += load;
@@ -302,10 +293,8 @@ class Tally {
 /** Will the loads end? The twin of kaju.stability, bit by bit: every certificate that is yielded
  * holds (bounds, generations, and why not), the last that is returned is the best. */
 export function* certifying(scene, cells) {
-  const lattice = new Lattice(scene.lattice), transfer = new Transfer(scene, lattice);
-  const { emitted, largest, undiminished, worst } = transfer, { accumulate, threshold } = scene.rule;
-  const kinds = lattice.kinds(cells, scene.sides), loads = appliedLoads(scene, lattice, kinds).map((load) => load[2]);
-  const load = accumulate ? loads.reduce((a, b) => a + b, 0) : Math.max(0, ...loads);
+  const tried = new Twin(scene, cells), { lattice, kinds, transfer, transfer: { emitted, largest, undiminished, worst } } = tried, { accumulate, threshold } = scene.rule;
+  const load = accumulate ? tried.applied : Math.max(0, ...appliedLoads(scene, lattice, kinds).map(([, , magnitude]) => magnitude));
   const named = { largest, undiminished, ...remedies(lattice, transfer.shares[worst]), name: scene.materials[worst].name };
   const told = ([lower, upper]) => {
     const generations = endsWithin(load, accumulate ? upper : largest, threshold);
@@ -316,7 +305,7 @@ export function* certifying(scene, cells) {
   const best = told(bounds);
   if (best.stable) return best;
   yield best;
-  const tried = new Twin(scene, cells);       // the sums know nothing of γ: the run tells
+  // The sums know nothing of γ: the run tells.
   for (let rows = 0; !tried.atRest; tried.step()) {
     rows += tried.waiting.n;
     const grown = !(tried.pending <= 1e3 * tried.applied);

@@ -1,4 +1,5 @@
 // The scene as it is changed in the page, and as files: TOML that kaju.load_scene runs, CSV.
+import { SIDES } from "./lattice.js";
 
 /** Every load the rule knows, as one number: the largest force (N). */
 export const largestForce = (scene) => Math.max(0, ...scene.loads.map((l) => Math.hypot(...l.force)));
@@ -38,12 +39,11 @@ export function tomlOf(scene, cells) {
   return lines.join("\n") + "\n";
 }
 
-const SIDE_OF_FACE = ["left", "right", "bottom", "top"], SIDE_OF_CUBE = ["left", "right", "front", "back", "bottom", "top"];
 function sensed({ lattice, rule }, { sense, face }) {   // what decides whether the force pulls
   if (sense === "push" || sense === "pull") return [`sense = ${quoted(sense)}`];
   if (sense !== "side" || lattice.kind === "hexagon") return [];
   if (face < 0) return rule.sense ? ['sense = "push"'] : [];
-  return [`side = ${quoted((lattice.shape.length === 3 ? SIDE_OF_CUBE : SIDE_OF_FACE)[face])}`];
+  return [`side = ${quoted(SIDES[lattice.shape.length][face])}`];
 }
 const coefficients = ({ alpha, beta }) => [...(alpha ? [`alpha = ${list(alpha)}`] : []), `beta = ${number(beta)}`];
 
@@ -75,11 +75,10 @@ function stacked({ lattice: { shape, cell_size: h }, materials }, cells) {   // 
 
 /** One row an agent: cell, material, generation of waking, loads taken, kept, let end. */
 export function csvOf(page) {
-  const { run, g } = page, L = run.lattice, D = L.D, C = run.C;
+  const { run: { lattice: L, C } } = page, { D } = L;
   const names = "xyz".slice(0, L.dimension).split("").map((a) => `cell_${a}`);
   const channels = Array.from({ length: C }, (_, c) => `taken_${L.names[c % D]}${c < D ? "" : "_pull"} (N)`.replace("−", "-"));
   const rows = [[...names, "material", "spawn_step", ...channels, "kept (N)", "dropped (N)"].join(",")];
-  page.goTo(g);
   L.each((k) => {
     const story = page.storyOf(k);
     if (story) rows.push([...story.cell, story.material, story.spawn, ...story.taken, story.kept, story.dropped ?? ""].join(","));

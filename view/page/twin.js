@@ -192,7 +192,7 @@ MODES.push({
   cards: (page) => (page.twin ? [page.twin.card = make("section", { className: "card", hidden: true }, page.twin.profile, rulerTools(page)), page.twin.numbers] : []),
   draw(page) {
     const { twin, canvas, inks, t, look } = page, two = settings(page), both = bothOf(page), main = canvas.parentElement, wide = page.stageBox.clientWidth > 560;
-    const swipe = !page.solid && (two.layout === "swipe" || !wide), { elasticity: answer } = page;
+    const swipe = !page.solid && (two.layout === "swipe" || !wide), { elasticity: answer } = page, read = twin.at >= 0 ? twin.at : page.picked;
     (swipe ? main : page.stageBox)[swipe ? "append" : "insertBefore"](...(swipe ? [twin.elastic] : [twin.elastic, twin.gap]));
     twin.elastic.classList.toggle("over", swipe); twin.gap.hidden = swipe || !answer; twin.elastic.hidden = swipe && !answer; twin.handle.hidden = !swipe || !answer;
     page.drawnWith = [];
@@ -204,7 +204,7 @@ MODES.push({
     page.loads.paint(views.rule);
     for (const view of Object.values(views)) {
       if (two.ruler) { paintNumbers(view, inks); paintRuler(page, view); }
-      for (const k of [twin.at >= 0 ? twin.at : page.picked]) if (k >= 0) paintPick(view, page.run.lattice.cell(k), inks);
+      if (read >= 0) paintPick(view, page.run.lattice.cell(read), inks);
     }
     for (const [name, align] of [["rule", "right"], ["elastic", "left"]]) if (views[name]) paintWord(views[name].ctx, t(name === "rule" ? "theRule" : "elastic"), swipe ? x + (name === "rule" ? -26 : 26) : views[name].w / 2, page.solid ? 16 : views[name].y0 - 14, inks[name], inks, { align: swipe ? align : "center", font: `600 ${FONT}` });
     if (!answer) twin.elastic.firstChild.ariaLabel = twin.gap.firstChild.ariaLabel = t("solving");
@@ -212,11 +212,10 @@ MODES.push({
     twin.handle.style.left = `${x - 22}px`; twin.handle.ariaValueMax = nx; twin.handle.ariaValueNow = String(Number((two.split).toFixed(3)));
     const [drawn] = page.drawnWith;
     twin.line.textContent = page.ruleAlone ? "" : t(drawn.factor ? "inBoth" : "flatBoth", { q: t(drawn.quantity), n: drawn.factor.toLocaleString("en").replaceAll(",", " ") });
-    twin.numbers.replaceChildren(...numbersCard(page, both, twin.at >= 0 ? twin.at : page.picked)); twin.numbers.hidden = !twin.numbers.childElementCount;
+    twin.numbers.replaceChildren(...numbersCard(page, both, read)); twin.numbers.hidden = !twin.numbers.childElementCount;
     twin.card.hidden = !two.ruler;
     if (two.ruler && !page.playing) twin.profile.replaceChildren(...rulerCard(page, both));
-    const k = twin.at >= 0 ? twin.at : page.picked;
-    page.parts.cap.textContent = page.told || (two.ruler ? page.ruled : page.run.kinds[k] >= 0 ? `(${page.run.lattice.cell(k).join(", ")}): ${linesAt(page, both, k).slice(0, 2).join(", ")}` : "");
+    page.parts.cap.textContent = page.told || (two.ruler ? page.ruled : page.run.kinds[read] >= 0 ? `(${page.run.lattice.cell(read).join(", ")}): ${linesAt(page, both, read).slice(0, 2).join(", ")}` : "");
   },
   press(page, event) {
     if (!settings(page).ruler) return false;

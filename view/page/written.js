@@ -1,5 +1,5 @@
 // A run of agents in Python, as the page shows runs: what they tell, generation by generation, in logs.
-import { Log, Recorded } from "./history.js";
+import { Log, notesOf, Recorded } from "./history.js";
 import { appliedLoads, dot, sharesOf } from "./rule.js";
 
 const MOST_GROWTH = 1000, SEED = 1;            // as in kaju
@@ -17,13 +17,10 @@ export class Written extends Recorded {
   }
   /** Begin with what the code declares: `python` holds the functions of engine.py. */
   begin(python, states) {
-    const { size, D, axes } = this.lattice;
-    this.python = python; this.states = states; this.known = {};
-    for (const [name, width] of [["dropped", 1], ["passed", D], ["kept", axes.length], ["stretch", axes.length], ...states.map(([n]) => [`state ${n}`, 1])]) {
-      this[name] = new Log(new Uint32Array(256), new Float64Array(256)); this.known[name] = new Float64Array(size * width);
+    Object.assign(this, { python, states, known: {}, pending: Infinity });
+    for (const [name, width] of Object.entries(notesOf(this))) {
+      this[name] = new Log(); this.known[name] = new Float64Array(this.lattice.size * width);
     }
-    this.returned = new Log(new Uint32Array(256), new Float64Array(256));
-    this.pending = Infinity;
   }
   book(name, place, value) {
     const known = this.known[name], change = value - known[place];
@@ -45,7 +42,7 @@ export class Written extends Recorded {
       along.forEach((row, a) => this.book("stretch", k * A + a, h * short.reduce((sum, s, n) => sum + s * (wide * (1 - row[n]) - row[n]), 0)));
     }
     for (const [n, k, value] of known) this.book(`state ${states[n][0]}`, k, Number(value));
-    for (const name of ["taken", "returned", ...Object.keys(this.known)]) this[name].close();
+    for (const name of ["taken", ...Object.keys(this.known)]) this[name].close();
     this.alive.push(this.agents); this.waits.push([...sums.values()].reduce((a, b) => a + b, 0));
     this.pending = pending;
   }
@@ -53,7 +50,7 @@ export class Written extends Recorded {
   get grown() { return this.generation > 0 && !(this.pending <= MOST_GROWTH * this.applied.reduce((sum, [, , size]) => sum + size, 0)); }
   /** What the page shows of it: plain data. */
   get shown() {
-    const { spawn, woken, alive, waits, agents, generation, states, pending, grown } = this, logs = Object.fromEntries(["taken", "returned", ...Object.keys(this.known)].map((name) => [name, { ...this[name] }]));
+    const { spawn, woken, alive, waits, agents, generation, states, pending, grown } = this, logs = Object.fromEntries(["taken", ...Object.keys(this.known)].map((name) => [name, { ...this[name] }]));
     const [kept, dropped, [air, ground, rollers], returned, absorbed, taken, lost] = this.python.totals(), sum = ({ value, n }) => value.subarray(0, n).reduce((a, b) => a + b, 0);
     return { run: { spawn, woken, alive, waits, agents, generation, states, grown, ...logs }, end: { agents, generations: generation, taken, kept, passed: sum(this.passed), dropped, air, ground, rollers, returned, absorbed, lost, pending } };
   }

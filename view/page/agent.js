@@ -86,8 +86,8 @@ export class Workshop {
     const { page } = this, no = refused(code), result = this.pending ?? Promise.withResolvers?.() ?? {};
     if (!result.promise) result.promise = new Promise((resolve) => { result.resolve = resolve; });
     this.pending = result;
-    if (no) { this.end({ error: page.t("atLine", { n: no.line, e: page.t(no.key, { n: no.word }) + (no.hook ? page.t("didYouMean", { n: no.hook }) : "") }), line: no.line }); return result.promise; }
-    if (page.cells.length > CELLS) { this.end({ error: page.t("tooLarge", { n: CELLS }), line: 1 }); return result.promise; }
+    const problem = no ? { error: page.t("atLine", { n: no.line, e: page.t(no.key, { n: no.word }) + (no.hook ? page.t("didYouMean", { n: no.hook }) : "") }), line: no.line } : page.cells.length > CELLS ? { error: page.t("tooLarge", { n: CELLS }), line: 1 } : null;
+    if (problem) { this.end(problem); return result.promise; }
     this.wake();
     const worker = this.worker;
     this.awake.then(() => {

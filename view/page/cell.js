@@ -168,14 +168,14 @@ function paintCell(page, box) {
   ctx.save(); ctx.strokeStyle = right > 0 ? inks.line : inks.paper; ctx.lineWidth = 1;                       // where on the body this is
   ctx.beginPath(); ctx.moveTo(right, corner[0][1]); ctx.lineTo(cx - 1.2 * s, cy - 1.2 * s); ctx.moveTo(right, corner[2]?.[1] ?? corner[0][1]); ctx.lineTo(cx - 1.2 * s, cy + 1.2 * s); ctx.stroke();
   ctx.beginPath(); ctx.rect(cx - 1.21 * s, cy - 1.21 * s, 2.42 * s, 2.42 * s); ctx.clip();
-  const wide = 1.02;
+  const wide = 1.02 * s;
   for (const x of [-1, 0, 1]) for (const y of [-1, 0, 1]) if (!hex && (x || y)) {
     const there = L.contains([L.cell(k)[0] + x, L.cell(k)[1] - y]) && run.kinds[L.key([L.cell(k)[0] + x, L.cell(k)[1] - y])] >= 0;
-    outline(cx + x * wide * s, cy + y * wide * s);
+    outline(cx + x * wide, cy + y * wide);
     if (there) { ctx.fillStyle = inks.cell; ctx.fill(); }
     ctx.setLineDash(there ? [] : [3, 4]); ctx.strokeStyle = there ? inks.cell : inks.line; ctx.stroke(); ctx.setLineDash([]);
   }
-  if (hex) for (let arm = 0; arm < L.D; arm++) { const [x, y] = out(arm); outline(cx + wide * s * x, cy + wide * s * y); ctx.fillStyle = inks.cell; ctx.fill(); }
+  if (hex) for (let arm = 0; arm < L.D; arm++) { const [x, y] = out(arm); outline(cx + x * wide, cy + y * wide); ctx.fillStyle = inks.cell; ctx.fill(); }
   outline(cx, cy); ctx.fillStyle = inks.paper; ctx.fill(); ctx.setLineDash([4, 3]); ctx.strokeStyle = inks.ink; ctx.stroke(); ctx.setLineDash([]);
   for (let arm = 0; arm < L.D; arm++) {        // its name in the far corner of a neighbour, out of the arrows' way
     const [x, y] = out(arm), n = L.neighbour(k, arm), kind = run.kinds[n], word = kind >= 0 ? cellName(L, n) : t(kind === AIR ? "air_" : kind === RIGID ? "ground" : "roller");

@@ -179,19 +179,15 @@ export class StaggeredGrid {
     for (const step of [-1, 1]) {
       const beside = shifted(surface, axis, step), runsOn = this.state(normal, ...beside) === ACTIVE;
       const walled = !runsOn && this.kind(...shifted(cell, axis, step)) === RIGID;
-      const there = runsOn ? 0.5 : walled ? 1 : 0;
-      this.add(normal, beside, -step * there * moment);
-      this.add(normal, surface, step * there * moment);
+      const between = step < 0 ? surface : beside, there = runsOn ? 0.5 : walled ? 1 : 0;
+      this.tilt(normal, axis, between, -there * moment);
       if (!runsOn && !walled) lost += 0.5 * moment;
-      if (runsOn) running.push([step, beside]);
+      if (runsOn) running.push(between);
       const edge = edgeBelow(cell, axis, normal, upper, step);
       if (walled && this.along(axis, normal, edge, FIXED)) this.tilt(axis, normal, edge, -0.5 * moment);
     }
     const left = lost ? this.makeUp(axis, normal, upper, cell, lost) : 0;
-    for (const [step, beside] of running) {
-      this.add(normal, beside, -step * left);
-      this.add(normal, surface, step * left);
-    }
+    for (const between of running) this.tilt(normal, axis, between, -left);
   }
   along(component, across, edge, least) {
     return this.state(component, ...shifted(edge, across, -1)) >= least && this.state(component, ...edge) >= least;

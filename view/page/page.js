@@ -147,8 +147,7 @@ export class Page {
   }
   scaleLoads(factor) {
     this.scene.loads.forEach((load) => { load.force = load.force.map((f) => f * factor / this.factor); });
-    this.factor = factor;
-    if (factor === 0) this.factor = 1e-300;
+    this.factor = factor || 1e-300;
   }
   /** Say whether the loads will end: at once what is known at once, the rest while the reader goes on. */
   certify() {

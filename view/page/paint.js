@@ -206,15 +206,12 @@ function fillQuads(view, kinds, colour, moved, f) {
 }
 
 function fillHexagons(view, kinds, colour, moved, f) {
-  const { lattice: L, r } = view, size = view.u > 6 ? 0.55 : 0.5775;
+  const { lattice: L, r, u } = view, size = u > 6 ? 0.952 * u : u;   // small ones have no gaps
   L.each((k) => {
     if (kinds[k] < 0) return;
     const c = view.centre(L.cell(k));
     if (moved) for (const a of [0, 1]) c[a] += f * moved.displacement[a][k];
-    for (let i = 0; i < 6; i++) {
-      const p = view.at(c[0] + size * Math.sin(i * Math.PI / 3), c[1] + size * Math.cos(i * Math.PI / 3));
-      PX[i] = p[0] * r; PY[i] = p[1] * r;
-    }
+    view.corners(view.at(...c), size).forEach(([x, y], i) => { PX[i] = r * x; PY[i] = r * y; });
     SHEET.fill(PX, PY, 6, colour(k));
   });
 }

@@ -11,9 +11,8 @@ import { general, LANGUAGES, quantity } from "./words.js";
 export function buildHeader(page) {
   const { t, parts, lesson } = page;
   const menu = make("details", { className: "menu" }, make("summary", { title: t("save"), ariaLabel: t("save") }, icon("save"), make("span", { className: "wide", textContent: t("save") })), make("div", {}, ...saves(page)));
-  const language = make("select", { ariaLabel: t("language"), onchange: () => page.speak(language.value) },
-    ...Object.entries(LANGUAGES).map(([key, text]) => make("option", { value: key, textContent: text, lang: key })));
-  language.value = page.language;
+  const language = picker(t("language"), page.language, Object.entries(LANGUAGES), (key) => page.speak(key));
+  for (const option of language.children) option.lang = option.value;
   parts.undo = iconButton("undo", t("undo"), () => page.past.go(-1), { disabled: !page.past?.can(-1) });
   parts.redo = iconButton("redo", t("redo"), () => page.past.go(1), { disabled: !page.past?.can(1) });
   parts.mode = make("span", { className: page.own ? "mode own" : "mode", textContent: page.whose });

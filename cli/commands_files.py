@@ -79,7 +79,7 @@ def _begin(scene: Any) -> tuple[float, list[str]]:
     rough = 0.9 if scene.outlined and scene.lattice.dimension == 2 else None
     answer = solve(scene, rough)
     return answer.max_displacement, [
-        n for n in answer.caveats if n.startswith(("no limit of stress", "rigid holes"))
+        n for n in answer.caveats if n.startswith(("no limit of stress", "rigid holes", "outlines"))
     ]
 
 

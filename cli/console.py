@@ -50,7 +50,7 @@ MEANINGS = {
     "largest_change": "of a density, in the last step",
     "largest_hoop_stress_Pa": "the largest by amount along that outline; below 0 it is pressed",
     "largest_load_factor": "times the loads of the scene",
-    "largest_stress_Pa": "at a corner of an agent, a cell away from where it has no limit",
+    "largest_stress_Pa": "of corners a cell away from where it has no limit, and of outlines",
     "load_dropped": "not above γ, so it woke nobody",
     "load_taken": "by all agents; a load counts again in each that passes it on",
     "material_agents": "cells of the body that a load above γ woke",
@@ -110,9 +110,11 @@ def _rows(summary: Mapping[str, Any]) -> Iterator[tuple[str, str, str]]:
     for key, value in sorted(summary.items(), key=lambda item: item[0] != "goals"):
         # Of a goal its own error counts, and of an answer with a bound the bound.
         other = "goals" in summary or value == summary.get("error_bound")
-        if key in SAID or value is None or (key == "error_estimate" and other):
+        said = key in SAID or key.endswith("_doubt") or (key == "error_estimate" and other)
+        if said or value is None:
             continue
         name, unit, meaning = NAMES.get(key, key), UNITS.get(key, ""), MEANINGS.get(key, "")
+        meaning = summary.get(f"{key}_doubt") or meaning
         stem, _, ending = name.rpartition("_")
         if stem and ending in ("N", "Nm", "m", "J", "s", "Pa"):
             name, unit = stem, ending

@@ -13,7 +13,7 @@ from kaju import __version__
 from kaju.arrays import Flags, Floats, Ints, first_largest, nearest
 from kaju.errors import KajuError, ParameterError, ResultError, suggestion
 from kaju.model.elastic.arguments import check_numbers
-from kaju.model.elastic.caveats import caveats_of, refuse_singular, unproved
+from kaju.model.elastic.caveats import LOW, caveats_of, is_stepped, refuse_singular, unproved
 from kaju.model.elastic.corners import sharp_places
 from kaju.model.elastic.equal.cell_agents import CellAgents
 from kaju.model.elastic.equal.equal_arrays import EqualArrays
@@ -62,7 +62,8 @@ class LargestStress(NamedTuple):
     """The largest equivalent (von Mises) stress of an answer, at a corner of an agent.
 
     All stresses of the agent reach it, for one alone is wild at the corners of thin parts. Corners
-    less than a cell away from where stress has no limit are left out, unless all are.
+    less than a cell away from where stress has no limit are left out, unless all are. It is no less
+    than the largest along an outline that has a name.
     """
 
     value: float  # Pa
@@ -142,8 +143,9 @@ class ElasticResult(BodyResult):
 
     @property
     def middle(self) -> Floats:
-        """Middles (m) of the agents, shape (agents, dimension)."""
-        return self.lower + 0.5 * self.size[:, None]
+        """Middles (m) of the agents, of cut ones of what is body; shape (agents, dimension)."""
+        cut, half = self.cut_agents, 0.5 * self.size[:, None]
+        return self.lower + half if cut is None else cut.ground.edge * cut.middle
 
     @property
     def level(self) -> Ints:
@@ -353,6 +355,13 @@ class ElasticResult(BodyResult):
         asked = self.scene.notes_on(self.max_displacement, peak.value, kind)
         return tuple(dict.fromkeys((*ours, *asked)))
 
+    @cached_property
+    def stepped(self) -> bool:
+        """Whether curved or slanted outlines are steps of cells, or cut cells that count whole."""
+        if self.found.storage == "solid":
+            return bool(np.any(self.found.stiffness < 1.0))
+        return is_stepped(self.grid)
+
     caveats = cached_property(caveats_of)
     intensity = intensity
 
@@ -379,6 +388,10 @@ class ElasticResult(BodyResult):
         if some := len(self.sharp_corners) > 0:
             away = nearest(self.sharp_corners, points)[0] > 0.999 * self.scene.lattice.cell_size
             value *= away | (not (some := bool(away.any())))
+        # Along outlines it is known better than at the corners there, and in spite of corners near.
+        for stress, place in self.largest_along(VON_MISES).values():
+            near = nearest(points, np.array([place]))[1]
+            value[near] = np.maximum(value[near], stress)
         at = first_largest(value)
         return LargestStress(float(value[at]), tuple(points[at].tolist()), some)
 
@@ -545,6 +558,7 @@ class ElasticResult(BodyResult):
             "max_displacement": self.max_displacement,
             "largest_stress_Pa": found.value,
             "largest_stress_at_m": list(found.at),
+            "largest_stress_Pa_doubt": LOW if self.stepped else None,
             "largest_hoop_stress_Pa": {name: one for name, (one, _) in along} or None,
             "largest_hoop_stress_at_m": {name: at for name, (_, at) in along} or None,
             "reaction": {name: force.tolist() for name, force in told.items()},
@@ -574,6 +588,10 @@ class ElasticResult(BodyResult):
         names = np.array([material.name for material in self.grid.cell_materials])
         found: dict[str, Any] = in_columns("{} (m)", self.middle)
         found |= {"size (m)": self.size, "level": self.level, "spawn_step": self.spawn_step}
+        if self.cut_agents is not None:
+            found["area (m²)"] = self.area
+        elif self.scene.outlined:
+            found["volume (m³)"] = self.stiffness * self.size**3  # the share of each that is body
         found |= {"material": names[self.material]}
         found |= in_columns("displacement_{} (m)", self.displacement)
         found |= in_columns("strain_{}", self.strain) | in_columns("stress_{} (Pa)", self.stress)

@@ -19,7 +19,7 @@ from kaju.model.elastic.equal.solver import solve_problem
 from kaju.model.elastic.equal.supports import is_torn
 from kaju.model.elastic.goals.quantities import AskedFor, asked
 from kaju.model.elastic.moduli import constants_of
-from kaju.model.elastic.pair.cut_loop import CutLoop, peak_asked
+from kaju.model.elastic.pair.cut_loop import CutLoop, goals_asked
 from kaju.model.elastic.pair.loop import PairLoop
 from kaju.model.elastic.posed_body import PosedBody
 from kaju.model.outline.posed_outlines import OutlinedBody
@@ -73,7 +73,7 @@ def spawner_of(
                 "resolution, stage: true outlines have neither, since their agents spawn as the "
                 'tolerance asks; leave them out, or take regions with outline = "cells"'
             )
-        return CutLoop(OutlinedBody(scene), tolerance, most_agents, peak_asked(scene, goal))
+        return CutLoop(OutlinedBody(scene), tolerance, most_agents, goals_asked(scene, goal))
     body, quantities = PosedBody(scene, stage, resolution), asked(goal)
     refuse_singular(scene, quantities)
     return PairLoop(body, tolerance, most_agents, quantities)

@@ -26,11 +26,6 @@ from kaju.model.scene.pictures import check_size
 from kaju.model.scene.shapes import Points, Shape
 
 SLIVER = 1e-4  # cells of which less is body are taken as empty
-FRACTIONS = (
-    "true outlines: cells count by the share of them that is body, which is an estimate and proves "
-    "nothing; stress and displacement of cut cells are means over all of each, so beside holes "
-    "and other round edges stress may be a third too low"
-)
 EMPTY, CUT, WHOLE = 0, 1, 2
 PARTS = 4  # parts of a cut cell along every axis, on whose tetrahedra the level is taken as linear
 _PATHS = np.array(
@@ -60,7 +55,7 @@ def solved_agents(scene: Scene, resolution: int | None) -> SolidAgents:
     check_numbers(None, resolution)
     posed, share = grid_of_solid(scene, int(resolution or 1))
     solution = solve_problem(posed.problem)
-    solution.notes[:0] = [FRACTIONS, *posed.notes]
+    solution.notes[:0] = posed.notes
     return SolidAgents(scene, None, posed.division, solution, share, posed)
 
 

@@ -98,6 +98,10 @@ def test_new_writes_a_scene_that_runs(kaju):
     assert load_scene("mine.toml") == load_scene(PLATE)
     assert "kaju solve part.toml" in kaju("new", "part.toml", "--bracket")[1]
     assert "\nno mistake was found" in kaju("check", "part.toml")[1]
+    stepped = ["part.toml", "--set", "body.regions[0].outline=cells"]
+    stepped += ["--set", "body.regions[0].disk.radius=0.03"]
+    assert "note: outlines are steps of 0.0125 m" in kaju("check", *stepped)[1]
+    assert "MPa     beside curved edges it may be" in kaju("solve", *stepped, "--no-pictures")[1]
     code, _, err = kaju("new", "mine.toml")
     assert (code, "exists already" in err) == (2, True)
     far = ["check", str(EXAMPLES / "lug.toml"), "--set", "loads[0].force=[1e12, 0.0]"]

@@ -65,7 +65,12 @@ def test_the_energy_of_a_ring_lies_within_its_bounds(tolerance: float, plane: st
     assert answer.tolerance_kept == "proved"
     assert answer.error_bound <= tolerance
     assert answer.error_bound == pytest.approx(0.5 * np.sqrt((upper - lower) / lower))
-    assert answer.summary()["agents"] == len(answer.to_dataframe()) < 400
+    table = answer.to_dataframe()
+    assert answer.summary()["agents"] == len(table) < 400
+    place = table[["x (m)", "y (m)"]].to_numpy()
+    assert answer.holds(place).all()
+    assert table["area (m²)"].sum() == pytest.approx(0.25 * np.pi * 0.03, rel=0.02)
+    np.testing.assert_allclose(answer.displacement, answer.displacement_at(place), rtol=1e-9)
     goal = kaju.solve(ring(0.1, 0.2, plane=plane), tolerance, goal="bore,x").goals[0]
     assert abs(goal.value - 0.25 * np.pi * moved) < goal.error_bound < tolerance * moved
 

@@ -201,7 +201,7 @@ def quantities_of(goal: AskedFor) -> tuple[Quantity, ...]:
         at, _, last = goal.rpartition(",")
         if last in (*AXES, VON_MISES):
             return (Stress(at, last) if last == VON_MISES else Deflection(at, last),)
-    if isinstance(goal, (str, Mapping)) or _is_point(goal):
+    if isinstance(goal, (str, Mapping)) or is_point(goal):
         return (Deflection(goal),)  # type: ignore[arg-type]
     if isinstance(goal, (Sequence, np.ndarray)) and len(goal):
         return tuple(quantity for item in goal for quantity in quantities_of(item))
@@ -272,7 +272,8 @@ def _component(name: Any) -> str:
     return str(name)
 
 
-def _is_point(value: object) -> bool:
+def is_point(value: object) -> bool:
+    """Tell whether a value is a row of numbers."""
     numbers = isinstance(value, (Sequence, np.ndarray)) and len(value) > 0
     return numbers and all(isinstance(x, (int, float, np.number)) for x in value)  # type: ignore[attr-defined]
 
@@ -282,7 +283,7 @@ def _place(at: Any) -> Place:
         return at
     if isinstance(at, Mapping):
         return dict(at)
-    if not _is_point(at):
+    if not is_point(at):
         raise ParameterError(
             'at: a point (m), a box such as {"box": [[0, 0], [0.1, 0.2]]} or a side such as '
             f"'top' is needed, got {at!r}"
@@ -293,7 +294,7 @@ def _place(at: Any) -> Place:
 def _direction(along: Any) -> str | tuple[float, ...] | None:
     if along is None or isinstance(along, str):
         return along
-    length = hypot(*along) if _is_point(along) else 0.0
+    length = hypot(*along) if is_point(along) else 0.0
     if not (isfinite(length) and length > 0.0):
         raise ParameterError(f"along: an axis such as 'y' or a direction is needed, got {along!r}")
     return tuple(float(x) / length for x in along)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
@@ -54,10 +55,19 @@ class CutAgents(PairAgents):
         return float(np.linalg.norm(found, axis=1).max())
 
     @cached_property
+    def middle(self) -> Floats:
+        """Middles of what the agents hold of the body, in edges of the first agents."""
+        total = np.zeros((self.count, 3))
+        for field in (self.opinions.fitting, self.opinions.balancing):
+            at = field.mesh.place[field.mesh.triangle].mean(axis=1)
+            weighed = field.area[:, None] * np.insert(at, 2, 1.0, axis=1)
+            np.add.at(total, field.mesh.leaf, weighed)
+        return total[:, :2] / total[:, 2:]
+
+    @cached_property
     def moved(self) -> Floats:
-        """Displacement of the agents' middles, beyond the body that of what is near."""
-        middles = self.leaves.middle * UNIT
-        return self.opinions.displacement_at(np.arange(self.count), middles)
+        """Displacement of these middles, beyond the body that of what is near."""
+        return self.opinions.displacement_at(np.arange(self.count), self.middle)
 
     @property
     def border(self) -> Border:
@@ -146,7 +156,7 @@ class CutAgents(PairAgents):
         named = {k: one.name for k, one in enumerate(self.ground.asked.body.regions) if one.name}
         return {name: HoopStress.along(self.opinions, k) for k, name in named.items()}
 
-    def remarks(self, asked: Stress | Deflection | None) -> list[str]:
+    def remarks(self, asked: Sequence[Stress | Deflection]) -> list[str]:
         """Return notes on parts that hang on nothing, and on peaks that are not well known."""
         notes, rough, coarse, reach, mega = [], [], [], [], 1e-6 * self.scales.stress
         if loose := self.opinions.loose:
@@ -164,7 +174,7 @@ class CutAgents(PairAgents):
                 where = "where it ends on a flat edge, stress grows without limit"
                 notes.append(f"loads.{number} drags the surface: {where}")
         for name, every in self.along.items():
-            along, sought = every.counted(), asked is not None and asked.at == name
+            along, sought = every.counted(), any(one.at == name for one in asked)
             if not every.counts.all() and not sought:
                 parts = "that of its rounded parts" if len(along.hoop) else "not told"
                 notes.append(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from copy import copy
 from dataclasses import replace
 from functools import partial
@@ -22,6 +23,7 @@ from kaju.model.elastic.goals.quantities import (
     Reaction,
     Stress,
     directions_of,
+    is_point,
     quantities_of,
 )
 from kaju.model.outline.hoop_stress import HoopStress, turn_in
@@ -41,28 +43,27 @@ TURN = 0.6  # angle by which a stressed outline may turn in an agent, over the r
 NO_BOUND = "nothing is proved of a stress at a point"
 
 
-def peak_asked(scene: Scene, goal: AskedFor | None) -> Stress | Deflection | None:
-    """Return what `goal` asks for within true outlines; none for the energy norm."""
+def goals_asked(scene: Scene, goal: AskedFor | None) -> list[Stress | Deflection]:
+    """Return what `goal` asks for within true outlines; nothing for the energy norm."""
+    if isinstance(goal, (list, tuple)) and goal and not is_point(goal):
+        return [quantity for one in goal for quantity in goals_asked(scene, one)]
     if goal is None:
-        return None
+        return []
     regions = [one for one in scene.body.regions if one.name]
     holding = [one.name for one in regions if one.material in HOLDING]
     named = [str(one.name) for one in regions]
     moves = [side for side in SIDES if scene.side_condition(side).kind == "free"]
     moves += [str(load.outline) for load in scene.loads if load.outline is not None]
-    one = goal[0] if isinstance(goal, list) and len(goal) == 1 else goal
-    first, *more = quantities_of(goal)
-    if isinstance(one, str) and first == Deflection(one) and (one in named or one not in SIDES):
-        first = Stress(one, VON_MISES if one in holding else HOOP)
+    (first,) = quantities_of(goal)
+    if isinstance(goal, str) and first == Deflection(goal) and (goal in named or goal not in SIDES):
+        first = Stress(goal, VON_MISES if goal in holding else HOOP)
     at, moved = getattr(first, "at", None), isinstance(first, Deflection)
     if isinstance(first, Stress) and first.component not in (HOOP, VON_MISES) and at in named:
         wrong = f"of {at!r} the largest {HOOP!r} or {VON_MISES!r} is known, no {first.component!r}"
-    elif more:
-        wrong = f"within true outlines one goal at a time, got {len(more) + 1}"
     elif at in (moves if moved else named) and not isinstance(first, Reaction):
-        return first
+        return [first]
     elif not isinstance(at, str):
-        wrong = f"{brief(one)}: within true outlines only an outline or a free side can be one; "
+        wrong = f"{brief(goal)}: within true outlines only an outline or a free side can be one; "
         wrong += "solve without, and read it by answer.value_of (not proved)"
     elif at in SIDES and moved:
         wrong = f"{at} is held, and has no deflection to ask for"
@@ -86,20 +87,20 @@ class CutLoop(PairLoop):
         body: OutlinedBody,
         tolerance: float,
         most_agents: int | None = None,
-        asked: Stress | Deflection | None = None,
+        asked: Sequence[Stress | Deflection] = (),
     ) -> None:
         super().__init__(body, tolerance, most_agents or MOST_AGENTS)
-        self._asked = asked
-        self._judge: Any = self._by_energy
-        if asked is None:
-            body.check_rounding(tolerance)
-        else:
+        self._asked, judges = asked, list[Any]()
+        for one in asked:
             self.patience = 4  # the peak of a neck may be found late, at another place
-            if isinstance(asked, Deflection):
-                pushed = [body.pushed(str(asked.at), way) for way in directions_of(asked.along, 2)]
-                self._judge = partial(self._by_deflection, asked, pushed)
+            if isinstance(one, Deflection):
+                pushed = [body.pushed(str(one.at), way) for way in directions_of(one.along, 2)]
+                judges.append(partial(self._by_deflection, one, pushed))
             else:
-                self._judge = _Peak(body, asked, tolerance).judge
+                judges.append(_Peak(body, one, tolerance).judge)
+        if not asked:
+            body.check_rounding(tolerance)
+        self._judges = judges or [self._by_energy]
 
     def step(self) -> None:
         """Go on; keep the best generation of a peak, which too small agents may lose again."""
@@ -115,14 +116,14 @@ class CutLoop(PairLoop):
             try:
                 pair = CutPair(self.body, self.leaves)
                 if pair.bounds.lower > pair.bounds.upper and not self.body.no_bound:
-                    told = "body.regions: a part that bears loads is too thin; make it thicker"
-                    raise UnlikeError(told)
-                self._judged = self._judge(pair)
+                    thin = "body.regions: a part that bears loads is too thin; make it thicker"
+                    raise UnlikeError(thin)
+                told = tuple(judge(pair) for judge in self._judges)
                 break
             except VagueError as vague:
                 codes = vague.codes
-                told = "body.regions: outlines nearly touch themselves, others or a line of cells;"
-                why = UnlikeError(f"{told} move one a little, or change the number of cells")
+                near = "body.regions: outlines nearly touch themselves, others or a line of cells;"
+                why = UnlikeError(f"{near} move one a little, or change the number of cells")
             except UnlikeError as error:
                 # coarse pieces may not hang together
                 patience, why = patience - 1, error
@@ -132,7 +133,10 @@ class CutLoop(PairLoop):
             if not patience or not chosen.any() or smallest or len(chosen) > self.most_agents:
                 raise SceneError(str(why))
             self.leaves = self.leaves.split(chosen).balanced()
-        self.last = pair
+        self.last, worst = pair, max(told, key=lambda one: one.error)
+        found = tuple(goal for one in told for goal in one.found)
+        first = np.max([one.first for one in told], axis=0)
+        self._judged = replace(worst, found=found, first=first, each=told)
         self.leaves = self.leaves.only(np.isin(self.leaves.code, pair.leaves.code))
 
     def _cut(self) -> Ints:
@@ -169,7 +173,7 @@ class CutLoop(PairLoop):
         goal = Goal(asked, tuple(value), float(np.linalg.norm(off)), scale, self.body.no_bound)
         error = goal.relative_error
         wanted = min(AIM * self.tolerance / error, 1.0) if error > 0.0 else 0.0
-        return Judged((goal,), error, part / scale, False, wanted)
+        return Judged((goal,), error, part / scale, False, wanted, np.zeros_like(pair.leaves.size))
 
     def outcome(self) -> CutAgents:
         """Return the agents as they are, or as they were when a peak was known far better."""

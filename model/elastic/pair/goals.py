@@ -53,6 +53,7 @@ class Judged:
     lost: bool  # Whether rounding is as large as the largest error
     wanted: float  # The share of theirs that a generation is aimed at
     first: Ints | None = None  # How often agents halve whatever their share
+    each: tuple[Judged, ...] = ()  # Of several goals that are judged one by one, what it says
 
 
 def judged(found: Settled | CutPair, goals: Sequence[DualGoal], tolerance: float) -> Judged:

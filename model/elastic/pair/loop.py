@@ -19,7 +19,7 @@ from kaju.model.outline.posed_outlines import OutlinedBody
 from .answer import PairAgents
 from .border import torn
 from .elements import DEEPEST_STEP
-from .goals import agents_of, judged
+from .goals import Judged, agents_of, judged
 from .history import Generation, generation_of, settled
 from .leaves import LeafCells
 from .space import refuse_rubber
@@ -125,7 +125,7 @@ class PairLoop:
         if leaves.dimension == 2 or self.generations:
             # In space the second generation tells how much too small estimates are.
             self._best = min(self._best, judged.error)
-        often = self._halvings(leaves)
+        often = np.max([self._halvings(leaves, one) for one in judged.each or (judged,)], axis=0)
         patience = 1 if self._proves and not judged.found else self.patience
         if judged.lost:
             self.stopped = "rounding"
@@ -154,9 +154,9 @@ class PairLoop:
         limit = (self.tolerance / self._judged.error) ** 2 * share.sum()
         return bool(left <= NEAR_THE_END and self._at_corners * fall > limit)
 
-    def _halvings(self, leaves: LeafCells) -> Ints:
+    def _halvings(self, leaves: LeafCells, judged: Judged) -> Ints:
         """Return how often each halves: the fewest with most of the gap; corners up to thrice."""
-        judged, share = self._judged, self._judged.shares
+        share = judged.shares
         allowed = np.log2(leaves.size // self.body.smallest).astype(np.int64)
         often = np.zeros(len(leaves), dtype=np.int64) if judged.first is None else judged.first
         # What the smallest agents hold stays: the others share the rest of what is wanted; or, if

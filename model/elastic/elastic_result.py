@@ -359,7 +359,7 @@ class ElasticResult(BodyResult):
     def stepped(self) -> bool:
         """Whether curved or slanted outlines are steps of cells, or cut cells that count whole."""
         if self.found.storage == "solid":
-            return bool(np.any(self.found.stiffness < 1.0))
+            return bool(np.any(self.stiffness < 1.0))
         return is_stepped(self.grid)
 
     caveats = cached_property(caveats_of)

@@ -73,12 +73,8 @@ def test_whatever_loads_a_bed_is_proved(bed, load):
 
 
 def test_goals_of_a_slender_bar_are_proved():
-    scene = Scene(
-        body={"size": [100.0, 1.0], "cells": [100, 1], "material": "m"},
-        materials={"m": {"youngs_modulus": 1e9, "poissons_ratio": 0.0}},
-        sides={"left": "rigid"},
-        loads=[{"side": "right", "force": [0.0, -1.0]}],
-    )
+    law, load = {"youngs_modulus": 1e9, "poissons_ratio": 0.0}, {"side": "right", "force": [0, -1]}
+    scene = drawn(np.ones((100, 1)), [law], [load], cell_size=1.0, sides={"left": "rigid"})
     goal = solve(scene, tolerance=0.2, goal=Deflection("right", "y")).goals[0]
     timoshenko = -(4.0 * 100.0**3 + 1.2 * 100.0 * 2.0) / 1e9
     assert abs(goal.value - timoshenko) <= goal.error_bound

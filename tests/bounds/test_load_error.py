@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 import skfem
 from exact.graded_elements import graded_elements
+from plates import loaded
 from skfem.helpers import ddot, div, dot, sym_grad
 
 import kaju
-from kaju import Deflection, Scene, solve
+from kaju import Deflection, solve
 
 EDGE, YOUNG, POISSON = 0.2, 210e9, 0.3
 ELEMENTS = 1e-3
@@ -31,12 +32,8 @@ def drawn(rng):
 
 
 def square(load, cells):
-    return Scene(
-        body={"size": [EDGE, EDGE], "cells": [cells, cells], "material": "m"},
-        materials={"m": {"youngs_modulus": YOUNG, "poissons_ratio": POISSON}},
-        sides={"bottom": "rigid"},
-        loads=[load],
-    )
+    m = {"youngs_modulus": YOUNG, "poissons_ratio": POISSON}
+    return loaded([cells] * 2, load, size=[EDGE, EDGE], material="m", materials={"m": m})
 
 
 def lines(ends):

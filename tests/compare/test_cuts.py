@@ -5,7 +5,7 @@ import pytest
 from plates import loaded
 from plates import plate as pressed
 
-from kaju import LoadModel, Scene, solve
+from kaju import LoadModel, solve
 from kaju.errors import ParameterError
 
 
@@ -51,13 +51,9 @@ def test_a_shear_force_goes_through_every_cut_of_a_cantilever():
 
 @pytest.mark.parametrize(("side", "sign"), [("bottom", -1), ("top", 1)])
 def test_weight_grows_downwards_and_hangs_from_the_top(side, sign):
-    scene = Scene(
-        body={"cell_size": 0.1, "cells": [3, 4], "thickness": 0.1, "material": "a"}
-        | {"gravity": [0.0, -10.0]},
-        materials={"a": {"base": "steel", "density": 1000.0}},
-        sides={side: "rigid"},
-    )
-    cuts = solve(scene).cuts()
+    of = {"cell_size": 0.1, "thickness": 0.1, "material": "a", "gravity": [0.0, -10.0]}
+    of |= {"materials": {"a": {"base": "steel", "density": 1000.0}}}
+    cuts = solve(loaded([3, 4], sides={side: "rigid"}, **of)).cuts()
     rows = (np.arange(4) + 0.5)[::sign] * 30.0  # a row weighs 30 N
     np.testing.assert_allclose(cuts.force[:, 1], sign * rows, rtol=1e-9)
     np.testing.assert_allclose(cuts.needed[:, 1], sign * rows, rtol=1e-12)

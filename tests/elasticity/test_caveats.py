@@ -2,9 +2,12 @@
 
 import numpy as np
 import pytest
+from plates import loaded
 
 from kaju import Scene, Stress, solve
 from kaju.errors import SingularPlaceError
+
+ROLLERS = {"left": "roller", "bottom": "roller"}
 
 
 def quarter_tube(cells):
@@ -12,17 +15,10 @@ def quarter_tube(cells):
     disk = {"centre": [0.0, 0.0], "radius": 2.0}
     bore = {"centre": [0.0, 0.0], "radius": 1.0}
     around = {"centre": [0.0, 0.0], "radius": 1.0 + 1.01 * 2.0 / cells}
-    return Scene(
-        body={
-            "size": [2.0, 2.0],
-            "cells": [cells, cells],
-            "material": "air",
-            "regions": [{"disk": disk, "material": "m"}, {"disk": bore, "material": "air"}],
-        },
-        materials={"m": {"youngs_modulus": 1e9, "poissons_ratio": 1 / 3}},
-        sides={"left": "roller", "bottom": "roller"},
-        loads=[{"region": {"disk": around}, "pressure": 1e6}],
-    )
+    regions = [{"disk": disk, "material": "m"}, {"disk": bore, "material": "air"}]
+    law = {"youngs_modulus": 1e9, "poissons_ratio": 1 / 3}
+    of = {"size": [2.0, 2.0], "material": "air", "regions": regions, "materials": {"m": law}}
+    return loaded([cells] * 2, {"region": {"disk": around}, "pressure": 1e6}, sides=ROLLERS, **of)
 
 
 def test_steps_are_owned_up_to_and_the_largest_stress_there_is_called_an_artefact():
@@ -49,11 +45,8 @@ def test_bodies_along_the_axes_have_no_such_note():
 
 
 def plate(regions=(), cells=20, sides=None, **load):
-    return Scene(
-        body={"size": [0.2, 0.2], "cells": [cells] * 2, "material": "steel", "regions": regions},
-        sides=sides or {"bottom": "roller", "left": "roller"},
-        loads=[load],
-    )
+    of = {"size": [0.2, 0.2], "regions": regions, "sides": sides or ROLLERS}
+    return loaded([cells] * 2, load, **of)
 
 
 def on(kind, *at, **load):

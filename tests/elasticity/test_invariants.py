@@ -5,26 +5,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.ndimage import label
+from spawning_bodies import drawn, laws
 
-from kaju import Scene, solve
-
-LEGEND = {-1: "air", 0: "a", 1: "b", 2: "c"}
+from kaju import solve
 
 
-def scene_of(codes, laws, loads, cell=0.01, sides=None):
-    names = [LEGEND[code] for code in np.unique(codes).tolist()]
-    return Scene.from_array(
-        codes,
-        legend=dict(zip(np.unique(codes).tolist(), names, strict=True)),
-        cell_size=cell,
-        materials={
-            name: {"youngs_modulus": e, "poissons_ratio": v}
-            for name, (e, v) in zip("abc", laws, strict=False)
-            if name in names
-        },
-        sides={"bottom": "rigid"} | (sides or {}),
-        loads=[{"cell": cell, "side": "top", "force": force} for cell, force in loads],
-    )
+def scene_of(codes, materials, loads, cell_size=0.01, sides=None):
+    loads = [{"cell": cell, "side": "top", "force": force} for cell, force in loads]
+    sides = {"bottom": "rigid"} | (sides or {})
+    return drawn(codes + 1, materials, loads, cell_size=cell_size, sides=sides)
 
 
 @st.composite
@@ -37,7 +26,7 @@ def bodies(draw):
     codes = np.kron(codes, np.ones((2,) * d, dtype=int))
     parts, _ = label(codes >= 0)
     codes[parts != parts[(0,) * d]] = -1
-    laws = [(1e9 * 10.0 ** rng.uniform(-3, 3), rng.uniform(-0.5, 0.44)) for _ in range(3)]
+    drawn_laws = [(1e9 * 10.0 ** rng.uniform(-3, 3), rng.uniform(-0.5, 0.44)) for _ in range(3)]
     sides = {"left": draw(st.sampled_from(["free", "roller", {"stiffness": 1e10}]))}
     places = np.argwhere(codes >= 0)
     sets = [
@@ -47,16 +36,16 @@ def bodies(draw):
         ]
         for _ in range(2)
     ]
-    return codes, laws, sides, sets
+    return codes, laws(*drawn_laws), sides, sets
 
 
 @settings(max_examples=25)
 @given(bodies())
 def test_loads_are_borne_add_up_and_work_on_one_another_alike(body):
-    codes, laws, sides, (first, second) = body
+    codes, materials, sides, (first, second) = body
     away = [(cell, [-f for f in force]) for cell, force in second]
     one, other, both, apart = (
-        solve(scene_of(codes, laws, loads, sides=sides))
+        solve(scene_of(codes, materials, loads, sides=sides))
         for loads in (first, second, first + second, first + away)
     )
     for answer, loads in ((one, first), (both, first + second)):
@@ -82,7 +71,8 @@ def test_units_do_not_matter(modulus, size, force, shape):
 
     def moved(e, h, f):
         push = [0.3 * f] + [-f] * (d - 1)
-        return solve(scene_of(np.zeros(shape, int), [(e, 0.3)], [(cell, push)], h)).displacement
+        scene = scene_of(np.zeros(shape, int), laws((e, 0.3)), [(cell, push)], h)
+        return solve(scene).displacement
 
     # In two dimensions u is F/(E t) whatever the size, in three F/(E h).
     factor = force / modulus / (size if d == 3 else 1.0)

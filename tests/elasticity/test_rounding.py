@@ -5,18 +5,16 @@ import subprocess
 import sys
 
 import pytest
-from plates import PLATE
+from plates import PLATE, loaded
 
 import kaju
 
 
 def block(side, material=None, plane="stress", **sides):
-    return kaju.Scene(
-        body={"size": [1.0, 1.0], "cells": [8, 8], "material": "a", "plane": plane},
-        materials={"a": material or {"youngs_modulus": 1e9, "poissons_ratio": 0.3}},
-        sides={"bottom": side, **sides},
-        loads=[{"side": "top", "force": [0.0, -1.0]}],
-    )
+    a = material or {"youngs_modulus": 1e9, "poissons_ratio": 0.3}
+    of = {"size": [1.0, 1.0], "plane": plane, "material": "a", "materials": {"a": a}}
+    load = {"side": "top", "force": [0.0, -1.0]}
+    return loaded([8, 8], load, sides={"bottom": side, **sides}, **of)
 
 
 @pytest.mark.parametrize(("ratio", "said"), [(0.499999999, False), (0.49999999999, True)])

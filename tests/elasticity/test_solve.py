@@ -2,22 +2,20 @@
 
 import numpy as np
 import pytest
-from plates import PLATE
+from plates import PLATE, loaded
 from spawning_bodies import STEEL, drawn
 
 from kaju import ElasticResult, Scene, solve
 from kaju.errors import ConvergenceError, ResultError, SupportError
 
+LAW = {"youngs_modulus": 1e6, "poissons_ratio": 0.25, "density": 1000.0}
+SOFT = {"material": "soft", "materials": {"soft": LAW}}
+
 
 def bar(**changes):
     """A bar of 8 × 4 cells of 10 mm, E = 1 MPa and ν = 0.25, 10 mm thick."""
-    scene = {
-        "body": {"size": [0.08, 0.04], "cells": [8, 4], "thickness": 0.01, "material": "soft"},
-        "materials": {"soft": {"youngs_modulus": 1e6, "poissons_ratio": 0.25, "density": 1000.0}},
-        "sides": {"left": "roller", "bottom": "roller"},
-        "loads": [{"side": "right", "pressure": -1000.0}],
-    }
-    return Scene(**(scene | changes))
+    usual = {"thickness": 0.01, "sides": {"left": "roller", "bottom": "roller"}, **SOFT}
+    return loaded([8, 4], {"side": "right", "pressure": -1000.0}, **usual | changes)
 
 
 def test_a_pulled_bar_stretches_as_it_must():
@@ -52,19 +50,10 @@ def test_a_sheared_bar_leans_evenly_up_to_its_edges():
     np.testing.assert_allclose(moved, 2.5e-3 * points[:, [1]] * [1.0, 0.0], atol=1e-14)
 
 
-def block(**changes):
-    """A block of 4 × 3 × 5 cubes of 10 mm, E = 1 MPa and ν = 0.25."""
-    scene = {
-        "body": {"cell_size": 0.01, "cells": [4, 3, 5], "material": "soft"},
-        "materials": {"soft": {"youngs_modulus": 1e6, "poissons_ratio": 0.25}},
-        "sides": {"left": "roller", "front": "roller", "bottom": "roller"},
-        "loads": [{"side": "top", "pressure": 1000.0}],
-    }
-    return Scene(**(scene | changes))
-
-
 def test_a_pressed_block_shortens_as_it_must():
-    result = solve(block())
+    """Of 4 × 3 × 5 cubes of 10 mm."""
+    sides = {"left": "roller", "front": "roller", "bottom": "roller"}
+    result = solve(loaded([4, 3, 5], {"side": "top", "pressure": 1000.0}, sides=sides, **SOFT))
     points = np.array([[0.04, 0.03, 0.05], [0.01, 0.0, 0.02], [0.013, 0.028, 0.041]])
     expected = points * [0.25e-3, 0.25e-3, -1e-3]
     np.testing.assert_allclose(result.displacement_at(points), expected, atol=1e-14)
@@ -76,9 +65,8 @@ def test_a_pressed_block_shortens_as_it_must():
 
 
 def test_gravity_and_a_foundation():
-    body = bar().body.model_copy(update={"gravity": (0.0, -10.0)})
     sides = {"left": "roller", "right": "roller", "bottom": {"stiffness": 1e5}}
-    result = solve(bar(body=body, sides=sides, loads=[]))
+    result = solve(bar(gravity=[0.0, -10.0], sides=sides, loads=[]))
     weight = 1000 * 10 * 0.08 * 0.04 * 0.01
     assert result.reactions["bottom"][1] == pytest.approx(weight)
     sunk = result.displacement_at(np.array([[0.04, 0.0]]))

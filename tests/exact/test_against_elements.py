@@ -12,11 +12,11 @@ import pytest
 pytest.importorskip("skfem")
 
 from scipy.ndimage import label
+from spawning_bodies import drawn, laws
 
-from kaju import Scene, finite_elements, solve
+from kaju import finite_elements, solve
 
-MATERIALS = [(1.0, 0.3), (3.0, 0.2), (0.5, 0.4)]
-NAMES = {-1: "air", 0: "plain", 1: "stiff", 2: "soft"}
+MATERIALS = laws((1.0, 0.3), (3.0, 0.2), (0.5, 0.4))
 
 
 def random_body(seed, shape):
@@ -47,20 +47,7 @@ def as_scene(kinds, materials=MATERIALS, plane=None):
     body = {} if plane is None else {"plane": plane, "thickness": 1.0}
     cell = [*np.argwhere(kinds[..., -1] >= 0)[0].tolist(), kinds.shape[-1] - 1]
     load = {"cell": cell, "side": "top", "force": [0.0] * (kinds.ndim - 1) + [-1.0]}
-    used = np.unique(kinds)
-    return Scene.from_array(
-        kinds,
-        legend={code: NAMES[code] for code in used.tolist()},
-        cell_size=1.0,
-        materials={
-            NAMES[code]: {"youngs_modulus": modulus, "poissons_ratio": ratio}
-            for code, (modulus, ratio) in enumerate(materials)
-            if code in used
-        },
-        sides={"bottom": "rigid"},
-        loads=[load],
-        **body,
-    )
+    return drawn(kinds + 1, materials, [load], cell_size=1.0, **body)
 
 
 def limit(values):
@@ -110,10 +97,9 @@ def test_blocks_of_several_materials_are_bracketed(seed, plane):
 
 
 def test_rubber_does_not_lock():
-    rubber = [(1.0, 0.499)]
     kinds = np.zeros((6, 5), int)
     kinds[2:5, 2] = kinds[0, 3:] = -1
-    scene = as_scene(kinds, rubber, "strain")
+    scene = as_scene(kinds, laws((1.0, 0.499)), "strain")
     truth = limit([finite_elements(scene, split=k).strain_energy for k in (4, 8, 16)])
     for split in (2, 4, 8, 16):
         locked = finite_elements(scene, split=split, order=1).strain_energy / truth - 1

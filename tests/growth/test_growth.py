@@ -27,12 +27,10 @@ def small(**options):
 
 def tie(**options):
     """A bar that is pulled along x, without Poisson's ratio: its force is known everywhere."""
-    scene = kaju.Scene(
-        body={"cells": [8, 2], "cell_size": 0.01, "thickness": 0.01, "material": "lime"},
-        materials={"lime": {"youngs_modulus": 1e9, "poissons_ratio": 0.0}},
-        sides={"left": "roller", "bottom": "roller"},
-        loads=[{"side": "right", "force": [100.0, 0.0]}],
-    )
+    lime = {"lime": {"youngs_modulus": 1e9, "poissons_ratio": 0.0}}
+    of = {"thickness": 0.01, "material": "lime", "materials": lime}
+    of |= {"sides": {"left": "roller", "bottom": "roller"}}
+    scene = loaded([8, 2], {"side": "right", "force": [100.0, 0.0]}, **of)
     return kaju.GrowthModel(scene, tolerance=1e-10, **options).run()
 
 

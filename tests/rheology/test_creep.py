@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 from exact_creep import exactly_crept
+from plates import loaded
 
-from kaju import CreepModel, History, Scene, ThreeElement, creep
+from kaju import CreepModel, History, ThreeElement, creep
 from kaju.errors import ParameterError
 from kaju.model.network import triangular
 
@@ -16,13 +17,10 @@ TIMES = np.array([0.1, 0.2, 1.0, 3.0, 5.2, 5.3, 6.0, 10.0, 25.3])
 
 
 def slab(rule="elastic", **material):
-    return Scene(
-        body={"cell_size": 0.01, "cells": [3, 3], "thickness": 0.5, "material": "gel"},
-        materials={"gel": {"youngs_modulus": 2e3, "poissons_ratio": 0.3, **material}},
-        sides={"bottom": "rigid"},
-        loads=[{"side": "top", "force": [0.0, -5e-4]}],
-        rule={"kind": rule} | ({"threshold": 1e-6} if rule == "prescribed" else {}),
-    )
+    gel = {"youngs_modulus": 2e3, "poissons_ratio": 0.3, **material}
+    told = {"kind": rule} | ({"threshold": 1e-6} if rule == "prescribed" else {})
+    of = {"material": "gel", "materials": {"gel": gel}, "thickness": 0.5, "rule": told}
+    return loaded([3, 3], {"side": "top", "force": [0.0, -5e-4]}, **of)
 
 
 CREEPING = {"rheology": {"K_f": 2e3, "D_f": 1e3, "D_d": 2e4}}

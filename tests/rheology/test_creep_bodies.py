@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from exact_creep import exactly_crept, exactly_relaxed
+from plates import loaded
 
-from kaju import History, Material, Scene, ThreeElement, creep
+from kaju import History, Material, ThreeElement, creep
 
 SOFT = ThreeElement(K_f=2e5, D_f=3e5, D_d=4e6)
 TIMES = np.array([0.2, 3.0, 5.2, 6.0, 10.0])
@@ -20,18 +21,18 @@ def scene(a, b, top=None, modulus=2e5, kind="elastic", drawn=DRAWN, ratios=(0.3,
     sides = {"bottom": "rigid"}
     if top is not None:
         sides["top"] = {"displacement": [0.0, top]}
-    across, high = len(drawn.split("\n")[0]), len(drawn.split("\n"))
-    return Scene.from_drawing(
+    rows = drawn.split("\n")
+    load = {"cell": [len(rows[0]) // 2, len(rows) - 1], "force": [0.0, -0.2]}
+    return loaded(
         drawn,
+        *([load] if top is None else []),
         legend={"a": "one", "b": "two", ".": "air"},
-        cell_size=0.01,
         thickness=0.002,
         materials={
             "one": Material("one", 2e5, ratios[0], rheology=a),
             "two": Material("two", modulus, ratios[1], rheology=b),
         },
         sides=sides | more.pop("sides", {}),
-        loads=[{"cell": [across // 2, high - 1], "force": [0.0, -0.2]}] if top is None else [],
         rule={"kind": kind} | ({"threshold": 1e-3} if kind == "prescribed" else {}),
         **more,
     )
@@ -93,14 +94,14 @@ def test_a_squeezed_block_relaxes():
 
 def test_a_body_in_space_is_stepped():
     laws = {"one": SOFT, "two": nearly(SOFT)}
-    body = Scene(
-        body={"cell_size": 0.01, "cells": [3, 3, 4], "material": "one",
-              "regions": [{"material": "two", "box": [[0, 0, 0], [0.03, 0.03, 0.02]]}]},
+    body = loaded(
+        [3, 3, 4],
+        {"side": "top", "force": [0.0, 0.0, -0.1]},
+        material="one",
+        regions=[{"material": "two", "box": [[0, 0, 0], [0.03, 0.03, 0.02]]}],
         materials={name: Material(name, 2e5, 0.3, rheology=law) for name, law in laws.items()},
-        sides={"bottom": "rigid"},
-        loads=[{"side": "top", "force": [0.0, 0.0, -0.1]}],
         rule={"kind": "elastic"},
-    )  # fmt: skip
+    )
     crept = creep(body, BITE, times=TIMES, tolerance=1e-4)
     growth = 2e5 * exactly_crept(SOFT, BITE, TIMES)
     middle = np.array([[0.015, 0.015, 0.04]])

@@ -24,32 +24,19 @@ CREAM = {
 }
 
 
-def block(kind, **changes):
-    return Scene(
-        **{
-            "body": {"cell_size": 0.01, "cells": [6, 6], "thickness": 0.1, "material": "jelly"},
-            "materials": {"jelly": JELLY, "cream": CREAM},
-            "sides": {"bottom": "rigid"},
-            "loads": [{"cell": [3, 5], "force": [0.0, -0.1]}],
-            "rule": {"kind": kind},
-            "history": BITE,
-        }
-        | changes
-    )
+def block(kind, *regions):
+    parts = {"materials": {"jelly": JELLY, "cream": CREAM}, "rule": {"kind": kind}, "history": BITE}
+    parts |= {"thickness": 0.1, "material": "jelly", "regions": regions}
+    return plate([6, 6], [3, 5], [0.0, -0.1], **parts)
 
 
-def layered(kind):
-    cream = {"material": "cream", "box": [[0.0, 0.0], [0.06, 0.03]]}
-    body = {"cell_size": 0.01, "cells": [6, 6], "thickness": 0.1, "material": "jelly"}
-    return block(kind, body={**body, "regions": [cream]})
-
-
+LAYER = {"material": "cream", "box": [[0.0, 0.0], [0.06, 0.03]]}
 COURSES = {
     "element": lambda: creep(LAW, BITE, times=TIMES),
     "network": lambda: creep(triangular(3), BITE, times=TIMES, rheology=LAW),
     "prescribed body": lambda: creep(block("prescribed"), times=TIMES),
     "elastic body": lambda: creep(block("elastic"), times=TIMES),
-    "layers": lambda: creep(layered("elastic"), times=TIMES),
+    "layers": lambda: creep(block("elastic", LAYER), times=TIMES),
 }  # fmt: skip
 
 

@@ -12,6 +12,11 @@ FOAM = {"youngs_modulus": 206e5, "poissons_ratio": 0.2}
 RUBBER = {"youngs_modulus": 1e6, "poissons_ratio": 0.4999}
 
 
+def laws(*pairs):
+    """Return materials by Young's modulus and Poisson's ratio of each."""
+    return [{"youngs_modulus": modulus, "poissons_ratio": ratio} for modulus, ratio in pairs]
+
+
 def drawn(codes, materials, loads, **changes):
     """A scene of codes (0 is air, k the k-th material) or rows of letters: . is air, = rigid."""
     if isinstance(codes[0], str):

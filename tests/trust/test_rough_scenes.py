@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from plates import plate
+from plates import loaded, plate
 
-from kaju import Scene, factors, solve
+from kaju import factors, solve
 from kaju.errors import ConvergenceError, KajuError, OutOfMemoryError, SceneError
 
 EVERY_WAY = [{}, {"tolerance": 0.05}, {"tolerance": 0.02}]
@@ -93,14 +93,9 @@ def test_a_tolerance_out_of_reach_is_refused_before_it_takes_hours():
 
 
 def test_a_bridge_that_hardly_resists_is_refused_or_missed_at_once():
-    scene = Scene.from_drawing(
-        "\n".join(["aaabbbaaa"] * 6),
-        legend={"a": "stiff", "b": "soft"},
-        cell_size=0.01,
-        materials={"stiff": material(1e12), "soft": material(1e-3)},
-        sides={"left": "rigid"},
-        loads=[{"side": "right", "force": [0.3, -1.0]}],
-    )
+    laws = {"stiff": material(1e12), "soft": material(1e-3)}
+    of = {"legend": {"a": "stiff", "b": "soft"}, "materials": laws, "sides": {"left": "rigid"}}
+    scene = loaded("\n".join(["aaabbbaaa"] * 6), {"side": "right", "force": [0.3, -1.0]}, **of)
     with pytest.raises(SceneError, match="bring the stiffnesses of materials"):
         solve(scene)
     assert solve(scene, tolerance=0.05).tolerance_kept == "missed"

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from goal_bodies import on_top
 from goal_bodies import plate as worked
+from spawning_bodies import drawn, laws
 
 import kaju
 from kaju import Scene, solve
@@ -212,18 +213,10 @@ def pixels(name, n=64, value=1.0):
     }.get(name)
     if chosen is not None:
         codes[chosen] = 0 if name in ("hole", "comb") else 2
-    plain = {"youngs_modulus": 1.0, "poissons_ratio": value if chosen is None else 0.3}
-    used = np.unique(codes).tolist()
+    ratio, plane = (value, "strain") if chosen is None else (0.3, "stress")
     top = range(0, n, 8) if name == "comb" else range(n // 2 - 2, n // 2 + 2)
-    return Scene.from_array(
-        codes,
-        legend={code: ("air", "plain", "other")[code] for code in used},
-        cell_size=1.0 / n,
-        plane="strain" if chosen is None else "stress",
-        materials={"plain": plain, "other": plain | {"youngs_modulus": value}},
-        sides={"bottom": "rigid"},
-        loads=[{"cell": [k, n - 1], "side": "top", "force": [0.0, -1.0]} for k in top],
-    )
+    loads = [{"cell": [k, n - 1], "side": "top", "force": [0.0, -1.0]} for k in top]
+    return drawn(codes, laws((1.0, ratio), (value, ratio)), loads, cell_size=1.0 / n, plane=plane)
 
 
 @pytest.mark.parametrize(

@@ -3,6 +3,7 @@
 import numpy as np
 from page_scenes import SIDES, described
 from plates import plate as pressed
+from spawning_bodies import drawn, laws
 
 import kaju
 from kaju.errors import SceneError
@@ -18,11 +19,7 @@ tell(data.map(({ scene, cells }) => {
   } catch (error) { return { error: error.message }; }
 }));
 """
-MATERIALS = {
-    "hard": {"youngs_modulus": 2e11, "poissons_ratio": 0.3},
-    "soft": {"youngs_modulus": 3e8, "poissons_ratio": 0.45},
-    "foam": {"youngs_modulus": 5e7, "poissons_ratio": -0.2},
-}
+MATERIALS = laws((2e11, 0.3), (3e8, 0.45), (5e7, -0.2))
 
 
 def random_scene(rng):
@@ -61,19 +58,8 @@ def random_scene(rng):
             load["side"] = str(rng.choice(SIDES[2]))
         if any(force):
             loads.append(load)
-    return kaju.Scene(
-        body={
-            "array": kinds,
-            "cell_size": 0.01,
-            "thickness": 0.003,
-            "plane": str(rng.choice(["stress", "strain"])),
-            "allow_floating": True,
-        },
-        legend={"0": "air", "1": "hard", "2": "soft", "3": "foam", "4": "rigid"},
-        materials=MATERIALS,
-        sides=sides,
-        loads=loads,
-    )
+    of = {"plane": str(rng.choice(["stress", "strain"])), "sides": sides}
+    return drawn(kinds, MATERIALS, loads, thickness=0.003, allow_floating=True, **of)
 
 
 def scenes(seed, count):

@@ -2,7 +2,8 @@
 
 import numpy as np
 import pytest
-from spawning_bodies import quarter
+from plates import loaded
+from spawning_bodies import STEEL, drawn, laws, quarter
 
 import kaju
 from kaju.errors import ConvergenceError
@@ -13,8 +14,8 @@ MIRRORS = {"left": "roller", "front": "roller", "bottom": "roller"}
 
 def block(sides, loads=(), cells=(4, 4, 4), ratio=0.3, **body):
     material = {"youngs_modulus": YOUNGS, "poissons_ratio": ratio, "density": 1e3}
-    described = {"cells": list(cells), "cell_size": 0.25, "material": "a"} | body
-    return kaju.Scene(body=described, materials={"a": material}, sides=sides, loads=list(loads))
+    usual = {"cell_size": 0.25, "material": "a", "materials": {"a": material}, "sides": sides}
+    return loaded(list(cells), *loads, **usual | body)
 
 
 def patch(side=16, width=1, **changes):
@@ -101,9 +102,7 @@ def test_solids_that_touch_along_an_edge_end_soon():
     codes = np.ones((3, 2, 3), int)
     codes[1] = [[1, 0, 0], [0, 0, 1]]
     load = {"side": "right", "force": [0.0, 0.0, -1.0]}
-    scene = kaju.Scene.from_array(
-        codes, legend={0: "air", 1: "steel"}, cell_size=0.1, sides={"left": "rigid"}, loads=[load]
-    )
+    scene = drawn(codes, [STEEL], [load], cell_size=0.1, sides={"left": "rigid"})
     with pytest.raises(ConvergenceError, match="needs more") as caught:
         kaju.solve(scene, tolerance=0.02)
     assert caught.value.best.agents < 50_000
@@ -114,15 +113,9 @@ def test_an_estimate_is_about_the_error_of_random_solids():
         rng = np.random.default_rng(seed)
         codes = np.ones(rng.integers(2, 5, 3), int)
         codes[: rng.integers(1, 3), :1, : rng.integers(1, 3)] = 2
-        laws = {
-            name: {"youngs_modulus": 1e9 * 10 ** rng.uniform(0, 2), "poissons_ratio": 0.3}
-            for name in ("a", "b")
-        }
+        materials = laws(*((1e9 * 10 ** rng.uniform(0, 2), 0.3) for _ in "ab"))
         load = {"side": "top", "force": rng.normal(size=3).tolist()}
-        scene = kaju.Scene.from_array(
-            codes, legend={1: "a", 2: "b"}, materials=laws, cell_size=0.1,
-            sides={"bottom": "rigid"}, loads=[load],
-        )  # fmt: skip
+        scene = drawn(codes, materials, [load], cell_size=0.1)
         rough, fine = (kaju.solve(scene, tolerance=tolerance) for tolerance in (0.2, 0.08))
         truth = fine.strain_energy * (1.0 + fine.error_estimate**2)
         error = np.sqrt(1.0 - rough.strain_energy / truth)

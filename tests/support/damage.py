@@ -19,10 +19,11 @@ from pathlib import Path
 
 import numpy as np
 from plates import plate as pressed
+from spawning_bodies import drawn
 from stored_files import joined, parts_of
 
 import kaju
-from kaju import ElasticModel, LoadModel, Material, Reference, Scene, ThreeElement
+from kaju import ElasticModel, LoadModel, Material, Reference, ThreeElement
 from kaju.errors import KajuError
 from kaju.model.network import solve as solve_network
 from kaju.model.network import triangular
@@ -39,19 +40,10 @@ def plate(**changes):
 
 def slow(*laws):
     """A body of layers that creep, each by its own law."""
-    names = "ab"[: len(laws)]
-    return Scene.from_drawing(
-        "\n".join(names[k % len(laws)] * 5 for k in range(4)),
-        legend={name: f"layer {name}" for name in names},
-        cell_size=0.01,
-        materials={
-            f"layer {name}": Material(f"of {name}", 2e5, 0.3, rheology=law)
-            for name, law in zip(names, laws, strict=True)
-        },
-        sides={"bottom": "rigid"},
-        loads=[{"cell": [2, 3], "force": [0.0, -2.0]}],
-        rule={"kind": "elastic"},
-    )
+    materials = [Material(f"of layer {k}", 2e5, 0.3, rheology=law) for k, law in enumerate(laws)]
+    rows = ["abc"[k % len(laws)] * 5 for k in range(4)]
+    load = {"cell": [2, 3], "force": [0.0, -2.0]}
+    return drawn(rows, materials, [load], rule={"kind": "elastic"})
 
 
 def contents_of(told):

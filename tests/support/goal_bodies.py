@@ -1,8 +1,6 @@
 """Bodies on which errors of displacement, and of what a tolerance is about, are tested."""
 
-from plates import plate as pressed
-
-from kaju import Scene
+from plates import loaded
 
 STEEL = {"material": "steel"}
 GROUND = {"bottom": "rigid"}
@@ -10,7 +8,7 @@ GROUND = {"bottom": "rigid"}
 
 def body(cells, *loads, size=(0.2, 0.2), **changes):
     """Equal cells, on rigid ground unless held otherwise."""
-    return pressed(cells, None, size=list(size), loads=list(loads), **changes)
+    return loaded(cells, *loads, size=list(size), **changes)
 
 
 def on_top(start, end, force):
@@ -20,21 +18,15 @@ def on_top(start, end, force):
 def plate(**changes):
     """The worked plate under 2 N over 10 mm of its top; changes of its body, or of the scene."""
     load = {"region": {"box": [[0.1, 0.2], [0.11, 0.2]]}, "force": [0.0, -2.0]}
-    body = {"size": [0.2, 0.2], "cells": [20, 20], "thickness": 2e-3, **STEEL}
-    own = changes.keys() & {"size", "cells", "regions", "plane"}
-    body |= {key: changes.pop(key) for key in own}
-    return Scene(**{"body": body, "sides": GROUND, "loads": [load]} | changes)
+    usual = {"size": [0.2, 0.2], "thickness": 2e-3, "loads": [load]}
+    return loaded(changes.pop("cells", [20, 20]), **usual | changes)
 
 
 def angle(plane="strain"):
     """An L of 0.8 m on its ground, dragged along its whole top."""
+    load = {"region": {"box": [[0, 0.8], [0.4, 0.8]]}, "force": [100.0, 0.0]}
     drawing = "####....\n" * 4 + "########\n" * 4
-    return Scene(
-        body={"cell_size": 0.1, "drawing": drawing, "plane": plane},
-        legend={"#": "steel", ".": "air"},
-        sides=GROUND,
-        loads=[{"region": {"box": [[0, 0.8], [0.4, 0.8]]}, "force": [100.0, 0.0]}],
-    )
+    return loaded(drawing, load, cell_size=0.1, plane=plane)
 
 
 def pierced(**changes):

@@ -2,8 +2,7 @@
 
 import numpy as np
 from scipy.ndimage import label
-
-from kaju import Scene
+from spawning_bodies import drawn, laws
 
 
 def _codes(rng):
@@ -39,16 +38,8 @@ def plane_body(seed):
     low, high = filled.min(axis=0), filled.max(axis=0) + 1
     codes = codes[low[0] : high[0], low[1] : high[1]]
     contrast = 10.0 ** rng.uniform(0, 4, 3)
-    materials = {
-        f"m{k}": {
-            "youngs_modulus": 1e9 * contrast[k - 1],
-            "poissons_ratio": rng.uniform(0, 0.48),
-            "density": 2e3,
-        }
-        for k in (1, 2, 3)
-        if (codes == k).any()
-    }
-    legend = {k: {0: "air", -1: "rigid"}.get(k, f"m{k}") for k in np.unique(codes).tolist()}
+    ratios = [rng.uniform(0, 0.48) if (codes == k).any() else 0.0 for k in (1, 2, 3)]
+    materials = [law | {"density": 2e3} for law in laws(*zip(1e9 * contrast, ratios, strict=True))]
     h = 0.01
     width, height = codes.shape[0] * h, codes.shape[1] * h
     sides = [
@@ -69,14 +60,6 @@ def plane_body(seed):
         for key, value in load.items():
             load[key] = value.tolist() if isinstance(value, np.ndarray) else value
     plane, gravity = str(rng.choice(["stress", "strain"])), [0.0, -9.81 * rng.integers(2)]
-    return Scene.from_array(
-        codes,
-        legend=legend,
-        cell_size=h,
-        thickness=0.01,
-        plane=plane,
-        materials=materials,
-        sides=sides,
-        loads=loads,
-        gravity=gravity if rng.random() < 0.2 else None,
-    )
+    of = {"plane": plane, "sides": sides, "gravity": gravity if rng.random() < 0.2 else None}
+    codes[codes < 0] = 4
+    return drawn(codes, materials, loads, cell_size=h, thickness=0.01, **of)

@@ -1,6 +1,7 @@
 """Bodies on rigid ground; `tests/data/spawning` has them by graded finite elements."""
 
 import numpy as np
+from plates import loaded
 from scipy.ndimage import label
 
 from kaju import Scene
@@ -107,26 +108,19 @@ def blotched():
 def quarter(poissons_ratio, inside=None):
     """A quarter of a cube of edge 2, pressed on in the middle; perhaps with something inside."""
     regions = [] if inside is None else [{"material": "b", "box": [[0, 0, 0.25], [0.5, 0.5, 0.5]]}]
-    return Scene(
-        body={"cells": [4] * 3, "cell_size": 0.25, "material": "a", "regions": regions},
-        materials={
-            "a": {"youngs_modulus": 1.0, "poissons_ratio": poissons_ratio},
-            **({} if inside is None else {"b": inside}),
-        },
-        sides={"bottom": "rigid", "left": "roller", "front": "roller"},
-        loads=[{"cell": [0, 0, 3], "side": "top", "force": [0.0, 0.0, -1.0]}],
-    )
+    materials = {"a": {"youngs_modulus": 1.0, "poissons_ratio": poissons_ratio}}
+    materials |= {} if inside is None else {"b": inside}
+    of = {"cell_size": 0.25, "material": "a", "regions": regions, "materials": materials}
+    of |= {"sides": {"bottom": "rigid", "left": "roller", "front": "roller"}}
+    return loaded([4] * 3, {"cell": [0, 0, 3], "side": "top", "force": [0.0, 0.0, -1.0]}, **of)
 
 
 def under_a_patch(dimension=2, cells=8, force=(-1.0,)):
     """Return a block of 1 m, pressed on in a part of its top; the force's last components."""
     low, high = [0.25] * (dimension - 1) + [1.0], [0.5] * (dimension - 1) + [1.0]
     whole = [0.0] * (dimension - len(force)) + list(force)
-    return Scene(
-        body={"size": [1.0] * dimension, "cells": [cells] * dimension, "material": "steel"},
-        sides={"bottom": "rigid"},
-        loads=[{"region": {"box": [low, high]}, "force": whole}],
-    )
+    load = {"region": {"box": [low, high]}, "force": whole}
+    return loaded([cells] * dimension, load, size=[1.0] * dimension)
 
 
 PLANE = {

@@ -7,8 +7,9 @@ import numpy as np
 from hypothesis import reject
 from hypothesis import strategies as st
 from plates import loaded
+from spawning_bodies import drawn, laws
 
-from kaju import Coefficients, PrescribedRule, Scene
+from kaju import Coefficients, PrescribedRule
 from kaju.errors import SceneError
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -145,14 +146,9 @@ def elastic_scenes(draw, extreme=True):
     if solid:
         codes = codes[:4, :4, None].repeat(draw(st.integers(1, 3)), axis=2)
     contrast = draw(st.sampled_from([1, 2, 4, 12] if extreme else [1, 2]))
-    materials = {
-        name: {
-            "youngs_modulus": 1e11 * 10 ** draw(st.floats(-contrast / 2, contrast / 2)),
-            "poissons_ratio": draw(POISSONS if extreme else st.floats(0.0, 0.4)),
-        }
-        for code, name in enumerate("abc", start=1)
-        if (codes == code).any()
-    }
+    modulus = st.floats(-contrast / 2, contrast / 2).map(lambda e: 1e11 * 10**e)
+    law = st.tuples(modulus, POISSONS if extreme else st.floats(0.0, 0.4))
+    materials = laws(*(draw(law) if (codes == k).any() else (1.0, 0.0) for k in (1, 2, 3)))
     names = ["left", "right", *(["front", "back"] if solid else []), "bottom", "top"]
     held = st.sampled_from(["free", "rigid", "roller"]) if solid else HELD
     sides = {name: draw(held) for name in names} | {"bottom": "rigid"}
@@ -173,17 +169,11 @@ def elastic_scenes(draw, extreme=True):
     body = {"cell_size": 10.0 ** draw(st.integers(-9, 6) if extreme else st.just(-2))}
     if not solid:
         body |= {"plane": draw(st.sampled_from(["stress", "strain"])), "thickness": 0.01}
-    legend = {0: "air", -1: "rigid", 1: "a", 2: "b", 3: "c"}
     try:
-        return Scene.from_array(
-            codes,
-            legend={code: legend[code] for code in np.unique(codes).tolist()},
-            materials=materials,
-            sides=sides,
-            loads=loads,
-            rule={"kind": "elastic"},
-            **body,
-        )
+        return drawn(
+            np.where(codes < 0, 4, codes), materials, loads,
+            sides=sides, rule={"kind": "elastic"}, **body,
+        )  # fmt: skip
     except SceneError:  # loose grains, or faces that are held
         reject()
 
@@ -228,22 +218,12 @@ def outlined_scenes(draw):
     ]
     hole = next((one["name"] for one in regions if one["material"] == "air"), None)
     place = draw(st.sampled_from([{"side": "top"}, *([{"outline": hole}] if hole else [])]))
+    of = {"size": [0.1, 0.1], "thickness": 0.01, "material": "a", "regions": regions}
+    of |= {"plane": draw(st.sampled_from(["stress", "strain"]))}
+    ratio = st.floats(0.0, 0.45)
+    materials = laws((1e9, draw(ratio)), (1e11, draw(ratio)))
+    of |= {"materials": dict(zip("ab", materials, strict=True))}
     try:
-        return Scene(
-            body={
-                "size": [0.1, 0.1],
-                "cells": [4, 4],
-                "thickness": 0.01,
-                "material": "a",
-                "plane": draw(st.sampled_from(["stress", "strain"])),
-                "regions": regions,
-            },
-            materials={
-                name: {"youngs_modulus": e, "poissons_ratio": draw(st.floats(0.0, 0.45))}
-                for name, e in (("a", 1e9), ("b", 1e11))
-            },
-            sides={"bottom": "rigid"},
-            loads=[{**place, "pressure": draw(st.sampled_from([-1e5, 1e5]))}],
-        )
+        return loaded([4, 4], {**place, "pressure": draw(st.sampled_from([-1e5, 1e5]))}, **of)
     except SceneError:  # a shape beside the plate
         reject()

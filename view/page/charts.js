@@ -54,8 +54,8 @@ function paintHead(ctx, room, words) {
   return line + 1;
 }
 
-/** One chart: above it its name and unit, and of every curve its name and present number; below axes with ticks, a line or bars each, the present as a dot. */
-function paintChart(ctx, box, { word, unit, lists, shown, names, over, now, log = false, course = false, bars = false, axis = "", end = 0 }, inks) {
+/** One chart: above it its name and unit, and of every curve its name and present number; below axes with ticks and the name of the one `along` which curves go, a line or bars each, the present as a dot. */
+function paintChart(ctx, box, { word, unit, lists, shown, names, over, now, log = false, course = false, bars = false, axis = "", along = "", end = 0 }, inks) {
   let top = 0, low = log ? Infinity : 0;
   for (const list of lists) for (const v of list) { if (v > top) top = v; if (v < low && (!log || v > 0)) low = v; }
   if (log) low = low < top ? low * (low / top) ** 0.08 : top / 10 || 0.1;   // no curve lies on the axis
@@ -68,7 +68,7 @@ function paintChart(ctx, box, { word, unit, lists, shown, names, over, now, log 
   const about = `${word}${prefix || unit ? `, ${prefix}${unit}` : ""}${log ? " (log)" : ""}`, told = (v) => (v === undefined ? "" : quantity(Math.abs(v) > 1e-15 * top ? v : 0, unit, Math.max(top, -low)));   // what rounding leaves is nothing
   const curves = shown.map((list, i) => (single ? { text: list[here] === undefined ? "" : `● ${told(list[here])}`, ink: inks.ink, bold: true } : { text: `${names[i]} ${told(list[here])}`, ink: inkOf(i), dash: dashOf(i) }));
   const head = LINE * paintHead(ctx, box.w, [{ text: about, ink: inks.soft }, ...curves]) + 8;
-  const x = LEFT, y = head, w = box.w - LEFT, h = box.h - head - FOOT;
+  const x = LEFT, y = head, w = box.w - LEFT, h = box.h - head - FOOT - (along ? LINE : 0);
   const map = log ? (v) => Math.log10(Math.max(v, low)) : (v) => v, from = map(low), span = map(top) - from || 1, X = (at) => x + w * (at - first) / reach, Y = (v) => y + h - h * (map(v) - from) / span;
   ctx.font = FONT; ctx.lineWidth = 1; ctx.strokeStyle = inks.hair; ctx.fillStyle = inks.soft; ctx.textAlign = "right";
   for (const v of ticksOf(low, top, log ? 5 : 3, log)) {
@@ -82,6 +82,7 @@ function paintChart(ctx, box, { word, unit, lists, shown, names, over, now, log 
     const text = local(`${Number((at / unitAt).toPrecision(6))}${axis && n === length - 1 ? ` ${prefixAt}${axis}` : ""}`), close = X(at) + ctx.measureText(text).width / 2 > x + w;   // the last one has the unit
     ctx.textAlign = close ? "right" : "center"; ctx.fillText(text, close ? x + w : X(at), y + h + 4);
   });
+  ctx.textAlign = "right"; ctx.fillText(along, x + w, y + h + 4 + LINE);
   shown.forEach((list, i) => {
     ctx.strokeStyle = ctx.fillStyle = inkOf(i); ctx.lineWidth = 1.8;
     if (bars) { const wide = Math.max(1, 0.7 * w / reach); list.forEach((v, n) => ctx.fillRect(X(over[n]) - wide / 2, Y(v), wide, Y(0) - Y(v))); }

@@ -215,12 +215,14 @@ export class MotionPage extends Page {
   }
   words() {
     this.parts.cap.classList.toggle("wide", !this.whole.length);   // no arrow stands beside it
-    const { t, g, run, along, at } = this, shares = along === "stage" && at.at(-1) === 1 && at.length > 2, counts = along !== "s" && at.at(-1) === run.generation;
-    const moment = () => (counts ? t(`along_${along}`) : `${t(`along_${shares ? "share" : along}`)} ${quantity(at[g], "")} ·`);   // of what is counted once is enough
-    this.tellTime(along === "s" ? `${t("time")} ${general(at[g], 4)} s` : `${moment()} ${t("moment", { g, n: run.generation })}`);
+    const { t, g, run, along, at } = this, counts = along !== "s" && at.at(-1) === run.generation;
+    const moment = () => (counts ? this.way : `${this.way} ${quantity(at[g], "")} ·`);   // of what is counted once is enough
+    this.tellTime(along === "s" ? `${this.way} ${general(at[g], 4)} s` : `${moment()} ${t("moment", { g, n: run.generation })}`);
     this.parts.verdict.hidden = !this.outcome || (this.along === "share" || (this.lesson && (this.born || this.along === "step")) ? this.lesson : g < run.generation) || this.limit < run.generation;   // how it ended is told at the end, but no lesson's number
     this.tell(); this.drawCurves();
   }
+  /** What a run goes along, in a word: time, breaks, shares of the load ... */
+  get way() { const { t, along, at } = this; return along === "s" ? t("time") : t(`along_${along === "stage" && at.at(-1) === 1 && at.length > 2 ? "share" : along}`); }
   tell() {
     const { picked, parts, t } = this, rod = this.lesson && this.along === "s" && this.corners === 2 ? [rodOf(this)] : [];
     if (picked < 0 || !this.there(picked)) { parts.story.replaceChildren(...rod, make("p", { textContent: t(this.corners === 2 ? (this.along === "s" ? "pickRod" : "pickSpring") : this.born ? "pickAgent" : "pickPart") })); return; }
@@ -238,7 +240,7 @@ export class MotionPage extends Page {
     const list = lesson?.curves ? lesson.curves.flatMap((name) => curveList.find(({ title }) => title.startsWith(name)) ?? []) : curveList.slice(0, 6), most = (list) => Math.max(...list.map(Math.abs)), shown = (lines, all = Object.entries(lines)) => all.filter(([, list]) => all.length < 4 || most(list) > 0.01 * Math.max(...Object.values(lines).map(most)));   // of many, those that are not nothing
     if (g && lesson && this.canvas.clientWidth < 520) this.parts.cap.textContent = list.filter(({ place }) => !place).map(({ title, unit, at: over, lines }) => `${named(title)}: ${Object.values(lines).map((line) => quantity(line[over.findIndex((v) => v >= at[g])], unit, most(line))).join(", ")}`).concat(this.picked >= 0 && this.there(this.picked) ? `${this.word(this.look.colour)} ${quantity(this.value(this.picked), this.unitOf(this.look.colour))}` : [], this.breaking.length && g === this.run.generation ? this.parts.verdict.textContent : []).join(" · ");   // on a phone the charts, and what was clicked, are a long way down
     paintGrid(box, list.map(({ title, unit, at: over, axis, lines, logarithmic, course, bars, place }) =>
-      ({ word: named(title), unit, over, lists: shown(lines).map(([, list]) => list), names: shown(lines).map(([name]) => named(name)), now: place ? null : at[g], log: logarithmic, course, bars, axis, end: place || course ? 0 : at.at(-1), limit: place && limit < at.at(-1) ? -Infinity : limit })), inks);
+      ({ word: named(title), unit, over, lists: shown(lines).map(([, list]) => list), names: shown(lines).map(([name]) => named(name)), now: place ? null : at[g], log: logarithmic, course, bars, axis, along: place ? "" : this.way, end: place || course ? 0 : at.at(-1), limit: place && limit < at.at(-1) ? -Infinity : limit })), inks);
   }
   seekChart(event) {
     const { curveList, at } = this;

@@ -79,12 +79,6 @@ class Seen:
         row = self.stage.cells[history.agent[place], 1]
         return int(row), float(history.load[place]), bool(history.pull[place])
 
-    def on_grid(self, values: NDArray[Any]) -> NDArray[Any]:
-        """Return values of agents as an array [column, row], 0 where nobody woke."""
-        grid = np.zeros(self.scene.lattice.shape)
-        grid[tuple(self.stage.cells.T)] = values
-        return grid
-
     def movement(self, result: Any, *cell: int) -> NDArray[Any]:
         """Return the displacement (nm) of a cell's centre."""
         return 1e9 * result.displacement_at(self.scene.lattice.centres(np.array([cell])))[0]
@@ -163,8 +157,8 @@ PLANE: Words = {
     "first_pull": lambda seen: int(
         seen.stage.history.generation[seen.stage.history.pull].min()  # its generation
     ),
-    "taken": lambda seen, column, row: float(
-        seen.on_grid(seen.stage.taken.sum(axis=1))[column, row]
+    "taken": lambda seen, column, row, way=slice(None): float(  # of one direction, or of all
+        seen.stage.taken[(seen.stage.cells == [column, row]).all(axis=1)][:, way].sum()
     ),
     "largest": lambda seen: float(seen.stage.taken.sum(axis=1).max(initial=0.0)),
     "largest_at": lambda seen: seen.stage.cells[seen.stage.taken.sum(axis=1).argmax()].tolist(),

@@ -73,7 +73,7 @@ def bridge(load: int = 23, right: str = "roller", **growth: Any) -> Any:
         loads=[{"cell": [load, 20], "force": [0.0, -1000.0]}],
     )
     usual = {"volume": 0.3, "filter_radius": 1.5, "most_steps": 60, "at_rest": 0.0}
-    return kaju.GrowthModel(scene, **usual | growth).run()
+    return kaju.GrowthModel(scene, tolerance=1e-6, **usual | growth).run()
 
 
 def torn(half: float, scatter: float = 0.1) -> Any:

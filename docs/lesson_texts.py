@@ -60,7 +60,7 @@ class Text:
     """A lesson in one language.
 
     `sections` are its texts by the English heading, `presets` names and notes, the start first;
-    `plan` is how to hold it.
+    `plan` is how to hold it, and what the presets are for.
     """
 
     language: str
@@ -140,6 +140,8 @@ def _text(source: str, language: str) -> Text:
     }
     notes = re.split(r"^### ", sections["Things to try"], flags=re.M)[1:]
     presets = [(part.partition("\n")[0], plain(part.partition("\n")[2])) for part in notes]
+    points = [f"- **{name}**: {' '.join(note.split())}" for name, note in presets]
+    plan = re.split(r"^1\. ", sections["For the teacher"], flags=re.M)[0]
     asks = re.search(r"^> (.*)$", parts[0], flags=re.M)
     assert asks, f"{language}: the line '> ...' that asks the lesson's question is missing"
     return Text(
@@ -149,7 +151,7 @@ def _text(source: str, language: str) -> Text:
         sections=sections,
         presets=tuple(presets),
         questions=tuple(_question(item) for item in items(sections["Worksheet (45 minutes)"])),
-        plan=plain(re.split(r"^1\. ", sections["For the teacher"], flags=re.M)[0]),
+        plan="\n\n".join([plain(plan), "\n".join(points)]),
         answers=tuple(plain(item) for item in items(sections["For the teacher"])),
     )
 

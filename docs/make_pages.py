@@ -21,7 +21,7 @@ from typing import Any
 import lesson_runs
 import numpy as np
 from lesson_measures import answers
-from lesson_texts import HEADINGS, ORDER, Lesson, Question, Text, lesson, plain
+from lesson_texts import HEADINGS, ORDER, Lesson, Question, lesson, plain
 from matplotlib.figure import Figure
 
 from kaju import FractureModel, GrowthModel, export_page, load_scene, plot
@@ -52,14 +52,9 @@ def page_lesson(of: Lesson) -> dict[str, Any]:
             {"name": {k: text.presets[n][0] for k, text in of.texts.items()}}
             for n in range(len(of.scenes))
         ],
-        "teacher": {k: f"{text.plan}\n\n{_notes(text)}" for k, text in of.texts.items()},
+        "teacher": {k: text.plan for k, text in of.texts.items()},
         "questions": [_page_question(of, n) for n in range(len(of.kinds))],
     }
-
-
-def _notes(text: Text) -> str:
-    """Return what each preset of a lesson is for, as a list."""
-    return "\n".join(f"- **{name}**: {' '.join(note.split())}" for name, note in text.presets)
 
 
 def _page_question(of: Lesson, number: int) -> dict[str, Any]:

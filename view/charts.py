@@ -66,19 +66,25 @@ def network_curves(result: NetworkResult) -> list[Curves]:
 
 
 def growth_curves(result: GrowthResult) -> list[Curves]:
-    """Return compliance and volume after every step."""
+    """Return compliance, volume and how much of it is pulled, after every step."""
     over = ("step", "", np.arange(result.steps + 1.0))
     return [
         Curves("Compliance", *over, {"compliance": result.compliances}, "J"),
         Curves("Volume", *over, {"volume": 100.0 * result.volumes}, "%"),
+        Curves("Pulled", *over, {"pulled": 100.0 * result.pulled_shares}, "%"),
     ]
+
+
+def last_loaded(result: FractureResult) -> int:
+    """Return the last break at a fiftieth of the largest load: what bears less moves too far."""
+    force = np.append(0.0, result.force)
+    return int(np.flatnonzero(force >= 0.02 * force.max())[-1])
 
 
 def fracture_curves(result: FractureResult) -> list[Curves]:
     """Return load, load over way, avalanches, energies and way at every break."""
     force, way = (np.append(0.0, column) for column in (result.force, result.displacement))
-    # What bears hardly anything any more moves so far that the rest would not be seen.
-    loaded = 1 + np.flatnonzero(force >= 0.02 * force.max())[-1]
+    loaded = 1 + last_loaded(result)
     broken = [0.0, *(k + 1.0 for size in result.avalanche_sizes for k in range(size))]
     energy = {n: np.append(0.0, getattr(result, n)) for n in ("work", "stored", "released")}
     over, course = ("break", "", np.arange(result.breaks + 1.0)), {"load": force[:loaded]}

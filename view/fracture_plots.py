@@ -15,6 +15,7 @@ from kaju.errors import ParameterError
 from kaju.model.scene import Scene
 
 from .body_plots import BodyPicture, draw_cells
+from .charts import last_loaded
 from .films import Film
 from .network_plots import NetworkPicture
 from .section import Cut, check_number, section_of
@@ -64,14 +65,8 @@ def plot_crack(
 
 
 def bearing(result: FractureResult, count: int) -> int:
-    """Return after how many breaks a body is drawn of which so many parts have broken.
-
-    What bears less than a fiftieth of the largest load moves so far that nothing else would be
-    seen.
-    """
-    force = result.force
-    loaded = 1 + np.flatnonzero(force >= 0.02 * force.max(initial=0.0))
-    return min(count, result.breaks_resisted, int(loaded.max(initial=0)))
+    """Return after how many breaks a body is drawn of which so many parts have broken."""
+    return min(count, result.breaks_resisted, last_loaded(result))
 
 
 def _scale(result: FractureResult, options: Mapping[str, Any]) -> dict[str, Any]:

@@ -6,7 +6,7 @@ Spring networks, creep, agents, elastic answers, bodies that grow or break: page
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import permutations
 from typing import TYPE_CHECKING, Any, cast
@@ -23,10 +23,9 @@ from kaju.model.scene import Scene
 from kaju.model.transfer.transfer_result import TransferResult
 
 from .body_plots import force_arrows
-from .charts import fracture_curves, growth_curves, network_curves
+from .charts import fracture_curves, growth_curves, last_loaded, network_curves
 from .deformed import Joined, join, stress_text
 from .films import evenly
-from .fracture_plots import bearing
 from .layers import arrows_of, rings_of
 from .quadtree import errors_of
 from .section import Arrows
@@ -56,7 +55,7 @@ class Motion:
     polygon. Shape (parts, corners)."""
     at: Sequence[float] | Floats  # the moment of each frame
     along: str  # what moments are: "s", "step", "generation", "stage", "break", "share" of the load
-    values: dict[str, tuple[str, NDArray[np.floating]]]
+    values: Mapping[str, tuple[str, NDArray[np.floating]]]
     """What parts can be coloured by: unit, and one number each, or one each a frame."""
     moved: NDArray[np.floating] | None = None
     """Displacements (m) of points, or of whole parts. Shape (frames, n or parts, dimension)."""
@@ -360,15 +359,16 @@ def _error_of(result: ElasticResult) -> str:
 
 
 def growth_steps(result: GrowthResult) -> Motion:
-    """Return densities step by step."""
+    """Return densities step by step, also with the sign of pull or push."""
     lattice = result.scene.lattice
     corners = lattice.cell_size * (corner_order(lattice.dimension) - 0.5)
-    steps = evenly(result.steps + 1, MOST_FRAMES)
+    density = _steps_of(result.designs, 256)
+    pull = np.where(result.pulled, density, -density)
     return Motion(
         **_apart(lattice.centres(np.argwhere(result.body))[:, None] + corners),
-        at=steps.astype(float),
+        at=np.arange(result.steps + 1.0),
         along="step",
-        values={"density": ("", _steps_of(result.designs[steps], 256))},
+        values={"density": ("", density), "pull": ("", pull)},
         curves=growth_curves(result),
         forces=applied(result.scene, result.stage),
         outcome=result.outcome,
@@ -376,34 +376,35 @@ def growth_steps(result: GrowthResult) -> Motion:
 
 
 def breaks(result: FractureResult) -> Motion:
-    """Return springs or cells, each until it breaks, under the load of the last break."""
-    counts = evenly(result.breaks + 1, MOST_FRAMES)
-    drawn = [bearing(result, count) for count in counts.tolist()]
-    moved, borne, shares = [], [], []
-    for count, at, body in zip(counts, drawn, result.replayed(drawn), strict=True):
-        factor = result.factor_after(at) if count else 0.0  # the first frame is that of no load
-        shares.append(result.factor_after(count) if count else 0.0)
-        moved.append(_steps_of(factor * body.displacement(), 128))
-        bears = factor if count <= result.breaks_resisted else 0.0
-        borne.append(_steps_of(bears * body.borne(), 128))
-    points, parts = body.points
-    gone = np.full(len(parts), result.breaks + 1)
-    gone[result.broken] = np.arange(1, result.breaks + 1)
+    """Return springs or cells, each until it breaks; a frame is the moment of its last break."""
+    counts, last = evenly(result.breaks + 1, MOST_FRAMES), last_loaded(result)
+    factors = np.append(0.0, result.load_factor)[counts]  # the first frame is that of no load
+    bodies = zip(factors, result.replayed(np.maximum(counts - 1, 0).tolist()), strict=True)
+    frames = [(_steps_of(f * b.displacement(), 128), f * b.borne()) for f, b in bodies]
+    moved, borne = map(np.array, zip(*frames, strict=True))
+    moved[counts > last] = moved[counts <= last][-1]
+    points, parts = next(result.replayed([0])).points
+    gone = np.full(len(parts), result.breaks + 2)
+    gone[result.broken] = np.arange(2, result.breaks + 2)
     supports: dict[str, Any]
     if isinstance(result.subject, Scene):
         name, unit, supports = "stress", "Pa", {"forces": applied(result.subject)}
     else:
         name, unit, supports = "tension", "N", _supports(result.subject)
+    values = {name: (unit, _steps_of(borne, 1024))}
+    if result.measure in ("force", "stress"):
+        values["strength"] = unit, _steps_of(result.strengths, 1024)
+        values["used"] = "%", _steps_of(100.0 * np.maximum(borne, 0.0) / result.strengths, 128)
     return Motion(
         points=points,
         parts=parts,
         at=counts.astype(float),
         along="break",
-        values={name: (unit, np.array(borne))},
-        moved=np.array(moved),
+        values=values,
+        moved=moved,
         gone=gone,
         curves=fracture_curves(result),
-        shares=np.array(shares),
+        shares=factors,
         **supports,
         outcome=result.outcome,
     )

@@ -426,10 +426,5 @@ class BreakingCells(WeakeningBody):
 
 def _largest(tensors: Floats) -> Floats:
     """Return the largest principal values of symmetric tensors; what is but rounding is none."""
-    if tensors.shape[-1] == 3:
-        largest = np.linalg.eigvalsh(tensors)[:, -1]
-    else:
-        mean = 0.5 * (tensors[:, 0, 0] + tensors[:, 1, 1])
-        half = 0.5 * (tensors[:, 0, 0] - tensors[:, 1, 1])
-        largest = mean + np.hypot(half, tensors[:, 0, 1])
+    largest = np.linalg.eigvalsh(tensors)[:, -1]
     return np.where(np.abs(largest) > 1e-9 * np.abs(tensors).max(), largest, 0.0)

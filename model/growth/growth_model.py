@@ -117,6 +117,7 @@ class GrowthModel(Stepper[GrowthResult]):
         self.design = self._first_design(volume, start)
         self._rows: list[tuple[float, ...]] = []
         self._designs: list[Floats] = []
+        self._pulled: list[Flags] = []
         self._feel(0.0, tolerance)
         self.rule.prepare(self._felt())
 
@@ -168,6 +169,7 @@ class GrowthModel(Stepper[GrowthResult]):
         volume = float(self.density.mean())
         self._rows.append((self.compliance, volume, change, self._growing.iterations))
         self._designs.append(self.density.astype(np.float32))
+        self._pulled.append(self._growing.pulled())
 
     def _felt(self) -> Felt:
         """Return what the cells feel."""
@@ -205,6 +207,7 @@ class GrowthModel(Stepper[GrowthResult]):
             cells=self.density.copy(),
             stiffness_of_cells=self.stiffness.copy(),
             designs=np.array(self._designs),
+            pulled=np.array(self._pulled),
             compliances=compliances,
             volumes=volumes,
             changes=changes,
@@ -261,15 +264,23 @@ class GrowingBody:
         self.energy = self._symmetric(unit * energy_of_cells(problem, self._moved)[self.body])
         self.iterations = solution.iterations
 
+    def _stress(self) -> Floats:
+        """Return the stress tensors of the whole material at the cells' strain, in its unit."""
+        assert self._moved is not None
+        parts = fields.stress_parts(replace(self._whole, surface_shear={}), self._moved)
+        return fields.cell_tensor(self._whole, parts, self.body)
+
     def von_mises(self) -> Floats:
         """Return the equivalent stress (Pa) of the whole material at the cells' strain."""
-        assert self._moved is not None
         problem = self._whole
-        parts = fields.stress_parts(replace(problem, surface_shear={}), self._moved)
-        stress = fields.cell_tensor(problem, parts, self.body)
         own = problem.kinds[problem.inner][self.body].astype(np.int64)
-        equivalent = equivalent_stress(stress, problem.moduli, own, problem.plane)
+        equivalent = equivalent_stress(self._stress(), problem.moduli, own, problem.plane)
         return self._symmetric(problem.scales.stress * equivalent)
+
+    def pulled(self) -> Flags:
+        """Tell which cells are pulled more than pressed, by their principal stresses."""
+        principal = np.linalg.eigvalsh(self._stress())
+        return self._symmetric(principal[:, 0] + principal[:, -1]) > 0.0
 
     def _flipped(self, values: Floats, axis: int) -> Floats:
         """Return the values of the cells' mirror images along an axis."""

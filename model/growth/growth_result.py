@@ -56,6 +56,8 @@ class GrowthResult(BodyResult):
     """Stiffness of each as a share of its material's. Shape (n,)."""
     designs: Annotated[NDArray[np.float32], Column("steps agents", 0.0, 1.0)]
     """Densities at first and after every step, in single precision. Shape (steps + 1, n)."""
+    pulled: Annotated[Flags, Column("steps agents")]
+    """Whether the largest of a cell's principal stresses, by size, pulls. Shape (steps + 1, n)."""
     compliances: Annotated[Floats, Column("steps", 0.0)]
     """Work of the forces F·u (J). Shape (steps + 1,)."""
     volumes: Annotated[Floats, Column("steps", 0.0, 1.0)]
@@ -105,6 +107,11 @@ class GrowthResult(BodyResult):
     def compliance(self) -> float:
         """F·u of the last design: work of the forces on the displacements (J)."""
         return float(self.compliances[-1])
+
+    @property
+    def pulled_shares(self) -> Floats:
+        """Share of the material that is pulled, at first and after every step."""
+        return np.asarray((self.pulled * self.designs).sum(axis=1) / self.designs.sum(axis=1))
 
     @property
     def grey(self) -> float:

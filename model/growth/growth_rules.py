@@ -17,7 +17,7 @@ from math import ceil
 from typing import ClassVar, Literal
 
 import numpy as np
-from scipy.ndimage import correlate
+from scipy.ndimage import correlate, generate_binary_structure
 from scipy.optimize import brentq
 
 from kaju.arrays import Flags, Floats, spread
@@ -44,9 +44,7 @@ class Neighbours:
     def across_faces(cls, body: Flags) -> Neighbours:
         """Return means over a cell and those beside it, itself as much as all others."""
         # With less weight for itself, a checkerboard would feel its opposite, and grow.
-        weights = np.zeros((3,) * body.ndim)
-        for axis in range(body.ndim):
-            weights[tuple([slice(None, None, 2) if a == axis else 1 for a in range(body.ndim)])] = 1
+        weights = generate_binary_structure(body.ndim, 1).astype(np.float64)
         weights[(1,) * body.ndim] = 2 * body.ndim
         return cls(body, weights)
 

@@ -113,18 +113,10 @@ def test_a_cut_weakens_by_its_stress_intensity():
         assert found == pytest.approx(wanted, rel=0.025)
 
 
-@pytest.mark.parametrize(
-    ("change", "told"),
-    [
-        ({"strength": 0.0}, "strength"),
-        ({"strength": [1.0, 2.0]}, "strength"),
-        ({"strength": np.nan}, "strength"),
-        ({"scatter": 1.0}, "scatter"),
-        ({"weibull": -1.0}, "weibull"),
-        ({"measure": "stress"}, "measure"),
-        ({"most_breaks": 0}, "most_breaks"),
-    ],
-)
-def test_what_is_outside_its_rule_is_named(change, told):
-    with pytest.raises(kaju.KajuError, match=told):
+@pytest.mark.parametrize("change", [
+    {"strength": 0.0}, {"strength": [1.0, 2.0]}, {"strength": np.nan}, {"scatter": 1.0},
+    {"weibull": -1.0}, {"measure": "stress"}, {"most_breaks": 0},
+])  # fmt: skip
+def test_what_is_outside_its_rule_is_named(change):
+    with pytest.raises(kaju.KajuError, match=next(iter(change))):
         kaju.FractureModel(bundle(3), **change)

@@ -93,6 +93,7 @@ def test_compliance_falls_by_what_cells_feel():
 def test_a_tie_gets_the_thickness_that_its_stress_asks_for():
     result = tie(rule=FullyStressed(stress=2.5 * STRESS), volume=0.9)
     np.testing.assert_allclose(result.density, 0.4, rtol=1e-5)
+    assert np.all(result.pulled_shares == 1.0)
     assert result.outcome.startswith("at rest")
 
 
@@ -113,7 +114,7 @@ def test_it_is_stored_and_shown(tmp_path):
     again = kaju.load_result(result.save(tmp_path / "grown"))
     assert again.history.equals(result.history)
     assert again.summary() == result.summary()
-    for name in ("density", "stiffness", "designs"):
+    for name in ("density", "stiffness", "designs", "pulled"):
         np.testing.assert_array_equal(getattr(again, name), getattr(result, name))
     np.testing.assert_allclose(again.density_at(12), again.cells, atol=1e-7)
     with pytest.raises(ParameterError, match="step: 0 to 12, got 13"):
@@ -127,7 +128,7 @@ def test_it_is_stored_and_shown(tmp_path):
     assert kaju.animate(small().run(3), tmp_path / "grown.gif").stat().st_size > 1000
 
 
-_BY_STEP = ("compliances", "volumes", "changes", "iterations", "designs")
+_BY_STEP = ("compliances", "volumes", "changes", "iterations", "designs", "pulled")
 
 
 @pytest.mark.parametrize("change", [

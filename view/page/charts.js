@@ -59,7 +59,7 @@ function paintChart(ctx, box, { word, unit, lists, shown, names, over, now, log 
   let top = 0, low = log ? Infinity : 0;
   for (const list of lists) for (const v of list) { if (v > top) top = v; if (v < low && (!log || v > 0)) low = v; }
   if (log) low = low < top ? low * (low / top) ** 0.08 : top / 10 || 0.1;   // no curve lies on the axis
-  const least = Math.min(...lists.flat()), near = !log && least > 0.7 * top && top - least > 1e-3 * top;   // what hardly changes is looked at closely, but no rounding
+  const least = Math.min(...lists.flat()), near = lists.length > 1 && least > 0.7 * top && top - least > 1e-3 * top;   // bounds that hardly differ are looked at closely, but no rounding
   if (near) { low = least - 0.1 * (top - least); top += 0.1 * (top - least); }
   if (!(top > low)) top = low + 1;
   const first = over[0] ?? 0, reach = over.reduce((most, at) => Math.max(most, at - first), end - first) || 1;
@@ -84,7 +84,7 @@ function paintChart(ctx, box, { word, unit, lists, shown, names, over, now, log 
   });
   ctx.textAlign = "right"; ctx.fillText(along, x + w, y + h + 4 + LINE);
   shown.forEach((list, i) => {
-    ctx.strokeStyle = ctx.fillStyle = inkOf(i); ctx.lineWidth = 1.8;
+    Object.assign(ctx, { strokeStyle: inkOf(i), fillStyle: inkOf(i), lineWidth: 1.8, lineJoin: "round" });   // no peak looks higher than it is
     if (bars) { const wide = Math.max(1, 0.7 * w / reach); list.forEach((v, n) => ctx.fillRect(X(over[n]) - wide / 2, Y(v), wide, Y(0) - Y(v))); }
     ctx.setLineDash(dashOf(i)); ctx.beginPath();
     if (!bars) list.forEach((v, n) => ctx.lineTo(X(over[n]), Y(v)));

@@ -247,16 +247,12 @@ def motion_data(result: Result) -> tuple[dict[str, Any], Columns]:
             "models and their results"
         )
     motion = _thinned(fetch(page)(result))
-    columns: Columns = {
-        "points": motion.points.astype(np.float32),
-        "parts": motion.parts.astype(np.uint32),
-        "held": np.asarray(() if motion.held is None else motion.held, dtype=np.uint32),
-    }
-    if motion.moved is not None:
-        columns["moved"] = motion.moved.astype(np.float32)
-    for name, column in (("born", motion.born), ("gone", motion.gone)):
+    columns: Columns = {"held": np.empty(0, dtype=np.uint32)}
+    for name in ("points", "moved", "parts", "held", "born", "gone"):
+        column = getattr(motion, name)
         if column is not None:
-            columns[name] = column.astype(np.uint32)
+            number = np.float32 if name in ("points", "moved") else np.uint32
+            columns[name] = np.asarray(column, dtype=number)
     for name, (_, values) in motion.values.items():
         columns[f"value {name}"] = values.astype(np.float32)
     scene = getattr(result, "scene", getattr(result, "subject", None))

@@ -69,11 +69,11 @@ export class MotionPage extends Page {
     const said = (text) => { const gaps = []; return this.t(`told_${text.replace(AMOUNT, (number) => `{${gaps.push(local(number)) - 1}}`)}`, { ...gaps, otherwise: text.replace(AMOUNT, local) }); };
     this.tellVerdict(this.outcome.split(/(; |, without limit: | along )/).map(said).join(""), null);
   }
-  /** Round times of a run in seconds with the frame of each, at most so many. */
-  seconds(most) {
-    const { at } = this, last = at.length - 1, near = (v) => at.reduce((best, x, g) => (Math.abs(x - v) < Math.abs(at[best] - v) ? g : best), 0);
-    const list = ticksOf(at[0], at[last], 8).map((v) => [near(v), `${general(v, 3)} s`]);
-    return list.reduce((kept, tick) => (kept.length && tick[0] - kept.at(-1)[0] < 1.5 * last / most ? kept : [...kept, tick]), []);
+  /** Round moments of a run with the frame of each, at most so many. */
+  moments(most) {
+    const { at, along } = this, last = at.length - 1, near = (v) => at.reduce((best, x, g) => (Math.abs(x - v) < Math.abs(at[best] - v) ? g : best), 0);
+    const list = ticksOf(at[0], at[last], 8).map((v) => [near(v), `${general(v, 3)}${along === "s" ? " s" : ""}`]);
+    return list.reduce((kept, tick) => (kept.length && tick[0] - kept.at(-1)[0] < 1.2 * last / most ? kept : [...kept, tick]), []);
   }
   goTo(g) { this.g = Math.max(0, Math.min(g, this.run.generation)); }
   magnification() { return this.usual * 10 ** this.look.magnify; }
@@ -90,7 +90,7 @@ export class MotionPage extends Page {
     return !(born && born[part] > at[g]) && !(gone && gone[part] <= at[g]) && !(solid && this.value(part, "density") < 0.5);
   }
   /** Springs that tear at this frame. */
-  get breaking() { const { gone, at, g, corners } = this; return g && gone && corners === 2 ? Array.from(gone.keys()).filter((s) => gone[s] > at[g - 1] && gone[s] <= at[g]) : []; }
+  get breaking() { const { gone, at, g, corners } = this; return g && gone && corners === 2 ? Array.from(gone.keys()).filter((s) => gone[s] > at[g - 1] + 1 && gone[s] <= at[g] + 1) : []; }
   value(part, name = this.look.colour) {
     if (name === "move") return this.far(this.moved[this.g], Math.floor(this.parts[part * this.corners] * this.dimension / this.each));
     const frames = this.fields[name];
@@ -215,9 +215,8 @@ export class MotionPage extends Page {
   }
   words() {
     this.parts.cap.classList.toggle("wide", !this.whole.length);   // no arrow stands beside it
-    const { t, g, run, along, at } = this, counts = along !== "s" && at.at(-1) === run.generation;
-    const moment = () => (counts ? this.way : `${this.way} ${quantity(at[g], "")} ·`);   // of what is counted once is enough
-    this.tellTime(along === "s" ? `${this.way} ${general(at[g], 4)} s` : `${moment()} ${t("moment", { g, n: run.generation })}`);
+    const { t, g, run, along, at } = this, shares = at.at(-1) === 1 && at.length > 2;
+    this.tellTime(`${this.way} ${along === "s" ? `${general(at[g], 4)} s` : shares ? quantity(at[g], "") : t("moment", { g: general(at[g], 4), n: general(at.at(-1), 4) })}`);
     this.parts.verdict.hidden = !this.outcome || (this.along === "share" || (this.lesson && (this.born || this.along === "step")) ? this.lesson : g < run.generation) || this.limit < run.generation;   // how it ended is told at the end, but no lesson's number
     this.tell(); this.drawCurves();
   }
@@ -226,9 +225,9 @@ export class MotionPage extends Page {
   tell() {
     const { picked, parts, t } = this, rod = this.lesson && this.along === "s" && this.corners === 2 ? [rodOf(this)] : [];
     if (picked < 0 || !this.there(picked)) { parts.story.replaceChildren(...rod, make("p", { textContent: t(this.corners === 2 ? (this.along === "s" ? "pickRod" : "pickSpring") : this.born ? "pickAgent" : "pickPart") })); return; }
-    const row = (word, value, unit) => [make("dt", { textContent: word }), make("dd", {}, make("data", { value: String(value), textContent: quantity(value, unit) }))];
+    const row = (name, value = this.value(picked, name), { log, high } = this.scale(name)) => [make("dt", { textContent: this.word(name) }), make("dd", {}, make("data", { value: String(value), textContent: quantity(value, this.unitOf(name), log ? 0 : high) }))];
     const known = (name) => (name === "move" && this.born ? this.moved[this.g].some(Boolean) : !Number.isNaN(this.value(picked, name)));   // generations before the last tell less
-    const rows = (this.lesson && this.born ? [this.look.colour] : this.colours).filter(known).flatMap((name) => row(this.word(name), this.value(picked, name), this.unitOf(name)));
+    const rows = (this.lesson && this.born ? [this.look.colour] : this.colours).filter(known).flatMap((name) => row(name));
     if (this.born && !this.fields.spawn_step) rows.push(make("dt", { textContent: t("woken") }), make("dd", {}, `${t(`along_${this.along}`)} `, make("data", { value: String(this.born[picked]), textContent: String(this.born[picked]) })));
     parts.story.replaceChildren(...rod, make("b", { textContent: this.born ? `${t("agent")} ${picked}` : t(this.corners > 2 ? "part" : this.along === "s" ? "rod" : "spring", { n: picked }) }), make("dl", {}, ...rows));
   }
@@ -236,7 +235,7 @@ export class MotionPage extends Page {
     const { parts: { charts: box }, curveList, inks, at, g, t } = this, named = (of) => of.split(": ").map((part) => t(`curve_${part}`, { otherwise: part })).join(": ");
     box.hidden = !curveList.length;
     if (!box.isConnected) return;
-    const { lesson } = this, seen = this.seen = Math.max(this.seen ?? 0, g), limit = !["step", "explain"].includes(lesson?.step) || lesson.teacher ? Infinity : at[seen];   // what a lesson lets read is played first
+    const { lesson } = this, seen = this.seen = Math.max(this.seen ?? 0, g), limit = !lesson || lesson.teacher ? Infinity : at[seen];   // what a lesson lets read is played first
     const list = lesson?.curves ? lesson.curves.flatMap((name) => curveList.find(({ title }) => title.startsWith(name)) ?? []) : curveList.slice(0, 6), most = (list) => Math.max(...list.map(Math.abs)), shown = (lines, all = Object.entries(lines)) => all.filter(([, list]) => all.length < 4 || most(list) > 0.01 * Math.max(...Object.values(lines).map(most)));   // of many, those that are not nothing
     if (g && lesson && this.canvas.clientWidth < 520) this.parts.cap.textContent = list.filter(({ place }) => !place).map(({ title, unit, at: over, lines }) => `${named(title)}: ${Object.values(lines).map((line) => quantity(line[over.findIndex((v) => v >= at[g])], unit, most(line))).join(", ")}`).concat(this.picked >= 0 && this.there(this.picked) ? `${this.word(this.look.colour)} ${quantity(this.value(this.picked), this.unitOf(this.look.colour))}` : [], this.breaking.length && g === this.run.generation ? this.parts.verdict.textContent : []).join(" · ");   // on a phone the charts, and what was clicked, are a long way down
     paintGrid(box, list.map(({ title, unit, at: over, axis, lines, logarithmic, course, bars, place }) =>

@@ -310,7 +310,7 @@ export class Page {
     this.parts.cap.textContent = this.told || [asked, took, scaled, ruled, sensed].filter(Boolean).join(" · ");
   }
   /** What a legend says of its scale: in a lesson also that other examples have another. */
-  kindOf({ log }) { return this.t(log ? "log" : "linear") + (this.lesson?.several && this.look.colour !== "density" ? ` · ${this.t("ownScale")}` : ""); }
+  kindOf({ log }) { return this.t(log ? "log" : "linear") + (this.lesson?.several && !/density|pull/.test(this.look.colour) ? ` · ${this.t("ownScale")}` : ""); }
   words() {
     const { run, t, parts, g } = this, done = this.over;
     this.tellTime(this.limit < run.generation ? t("generationOnly", { g }) : t(done ? "generation" : "running", { g, n: run.generation }));

@@ -61,7 +61,7 @@ export function tellMarks(page) {
   if (page.marked === key && marks.childElementCount) return;
   const room = Math.floor(marks.clientWidth / 28);
   page.marked = key;
-  const every = [1, 2, 5, 10, 20, 50, 100, 200, 500, 1000].find((e) => n / e < room) ?? 2000, named = page.along === "s" ? page.seconds(room) : Array.from({ length: Math.floor(n / every) + 1 }, (_, i) => [i * every, i * every]);
+  const every = [1, 2, 5, 10, 20, 50, 100, 200, 500, 1000].find((e) => n / e < room) ?? 2000, named = page.at && (page.along === "s" || page.at.at(-1) !== run.generation) ? page.moments(room) : Array.from({ length: Math.floor(n / every) + 1 }, (_, i) => [i * every, i * every]);
   marks.replaceChildren(...named.filter(([g]) => room > 1 && g <= n).map(([g, text]) => make("span", { textContent: text, style: `left: ${100 * g / (n || 1)}%` })));
 }
 

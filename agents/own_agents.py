@@ -12,7 +12,7 @@ from traceback import walk_tb
 from types import FunctionType
 from typing import Any
 
-from kaju.errors import AgentError, ParameterError, brief, require, suggestion, takes
+from kaju.errors import AgentError, ParameterError, brief, no_such, require, takes
 
 from .boundary_agent import BOUNDARIES, BoundaryAgent
 from .face_agent import FaceAgent
@@ -42,8 +42,8 @@ def own_classes(material_agent: object, walls: Mapping[str, object] | None) -> t
     rule = 'boundary_agents: must be a mapping such as {"rigid": MyWall}'
     require(isinstance(walls, Mapping | None), f"{rule}, got {brief(walls)}")
     for name, agent in (walls or {}).items():
-        told = f"boundary_agents: there is no boundary {name!r}{suggestion(str(name), BOUNDARIES)}"
-        require(name in BOUNDARIES, f"{told}; there is {', '.join(BOUNDARIES)}")
+        told = no_such(f"boundary {name!r}", name, BOUNDARIES)
+        require(name in BOUNDARIES, f"boundary_agents: {told}")
         check_class(f"boundary_agents[{name!r}]", agent, BoundaryAgent)
     given: Any = (material_agent, *(walls or {}).values())
     return tuple(agent for agent in dict.fromkeys(given) if agent is not MaterialAgent)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from kaju.errors import ParameterError
+from kaju.errors import ParameterError, require
 from kaju.files import is_there
 
 if TYPE_CHECKING:
@@ -102,8 +102,7 @@ def scene_of(path: Path, settings: list[str] | None = None) -> Iterator[Scene]:
     described, changes = load_scene(path), {}
     for setting in settings or ():
         key, equals, value = setting.partition("=")
-        if not (key and equals):
-            raise ParameterError(f"--set: KEY=VALUE is needed, got {setting!r}")
+        require(bool(key and equals), f"--set: KEY=VALUE is needed, got {setting!r}")
         changes[key_path(key.strip())] = value.strip()
     changed = described.with_overrides(changes) if changes else described
     rule, anew = described.rule, described.rule.kind != changed.rule.kind

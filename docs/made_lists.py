@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
+from collections.abc import Iterator
 from typing import Any
 
 import typer
@@ -20,7 +21,7 @@ def commands() -> str:
     """Return the options of all commands, a section each."""
     group = typer.main.get_command(app)
     listed = {name: c for name, c in sorted(group.commands.items()) if not c.hidden}
-    rows = {name: dict(map(_row, filter(_shown, c.params))) for name, c in listed.items()}
+    rows = {name: dict(_rows(c.params)) for name, c in listed.items()}
     times = Counter(row for mine in rows.values() for row in mine.items())
     shared = [row for row, count in times.most_common() if count > 2]
     lines = ["## Options of many commands\n", *_table(shared)]
@@ -35,13 +36,10 @@ def commands() -> str:
     return "\n".join(lines).rstrip() + "\n"
 
 
-def _shown(parameter: Any) -> bool:
-    option = parameter.param_type_name == "option" and not parameter.hidden
-    return option and "--help" not in parameter.opts
-
-
-def _row(option: Any) -> tuple[str, str]:
-    return f"`{'`, `'.join([*option.opts, *option.secondary_opts])}`", _plain(option.help)
+def _rows(parameters: list[Any]) -> Iterator[tuple[str, str]]:
+    for one in parameters:
+        if one.param_type_name == "option" and not one.hidden and "--help" not in one.opts:
+            yield f"`{'`, `'.join([*one.opts, *one.secondary_opts])}`", _plain(one.help)
 
 
 def _table(rows: list[tuple[str, str]]) -> list[str]:

@@ -70,10 +70,8 @@ class SteppedModel(Model):
 
     def _one_step(self) -> None:
         """Take one step, unless the model is at its end: then there is nothing to count."""
-        if self._stepping:
-            raise ParameterError(
-                "step: the model is in the middle of a step; its agents cannot start another"
-            )
+        told = "step: the model is in the middle of a step; its agents cannot start another"
+        require(not self._stepping, told)
         if self.running:
             self.steps_taken += 1
             self.steps = self.steps_taken  # as Mesa 3 counts them, and Mesa 4 does not

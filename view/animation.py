@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from kaju import __version__
 from kaju.arrays import Floats, Ints
-from kaju.errors import ParameterError, ResultFileError, needing
+from kaju.errors import ParameterError, ResultFileError, needing, require
 from kaju.files import atomic_file, hidden_folder
 from kaju.model.results.archive import answer_of
 from kaju.model.results.mesh import CUBE_FACES
@@ -167,8 +167,7 @@ def _check(target: Path, ending: str, fps: float | None, hold: float) -> None:
         )
     if fps is not None and not (isfinite(fps) and 0.0 < fps <= 50.0):
         raise ParameterError(f"fps: a number above 0 and up to 50 is needed, got {fps}")
-    if not (isfinite(hold) and hold >= 0.0):
-        raise ParameterError(f"hold: a time from 0 s upwards is needed, got {hold}")
+    require(isfinite(hold) and hold >= 0.0, f"hold: a time from 0 s upwards is needed, got {hold}")
     if ending == ".mp4":
         ffmpeg(target)
 

@@ -11,7 +11,7 @@ from matplotlib.colors import Normalize
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from kaju.errors import ParameterError
+from kaju.errors import require
 from kaju.model.scene import Scene
 
 from .body_plots import BodyPicture, draw_cells
@@ -46,13 +46,10 @@ def plot_crack(
     count = result.breaks if breaks is None else breaks
     check_number("breaks", count, result.breaks)
     if isinstance(result.subject, Scene):
-        if magnification is not None:
-            raise ParameterError(
-                "magnification: cells that break are drawn undeformed; leave it out"
-            )
+        told = "magnification: cells that break are drawn undeformed; leave it out"
+        require(magnification is None, told)
         return _plot_broken_cells(result, ax, count, largest, cut)
-    if cut is not None:
-        raise ParameterError("cut: networks are drawn as a whole; leave it out")
+    require(cut is None, "cut: networks are drawn as a whole; leave it out")
     state = cast("NetworkResult", result.state(bearing(result, count)))
     picture = NetworkPicture(state, ax, magnification, largest)
     picture.draw(1)

@@ -11,7 +11,7 @@ from typing import Any
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from kaju.errors import ParameterError, ResultFileError, suggestion, unknown
+from kaju.errors import ParameterError, ResultFileError, no_such, require, unknown
 from kaju.model.results.archive import answer_of
 from kaju.model.results.result import Result, solved_scene
 from kaju.model.scene import Scene
@@ -117,11 +117,8 @@ def plot(subject: Any, what: str | None = None, ax: Axes | None = None, **option
     subject = answer_of(subject)
     known = pictures_of(subject)
     name = next(iter(known)) if what is None else what
-    if name not in known:
-        raise ParameterError(
-            f"what: there is no picture {name!r} of {type(subject).__name__}"
-            f"{suggestion(str(name), known)}; there is {', '.join(known)}"
-        )
+    told = f"picture {name!r} of {type(subject).__name__}"
+    require(name in known, f"what: {no_such(told, name, known)}")
     check_options(name, known[name], options)
     drawn = known[name](subject, ax, **options)
     return drawn if isinstance(drawn, Figure) else figure_of(drawn)

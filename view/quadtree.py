@@ -14,7 +14,7 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import LogNorm, Normalize
 
 from kaju.arrays import Flags, Floats
-from kaju.errors import ParameterError
+from kaju.errors import ParameterError, require
 
 from .body_in_space import box_around, draw_boxes, space_for
 from .body_plots import BodyPicture
@@ -102,11 +102,8 @@ def agents_of(result: ElasticResult, colour: str, generation: int | None = None)
     rows = family.standing(generation)
     known = {"level": family.level[rows], "spawn_step": family.rows["spawn_step"][rows]}
     known |= {name: getattr(result.generations[generation], name) for name in OPINIONS}
-    if colour not in known:
-        raise ParameterError(
-            f"colour: {colour!r} is known of the last generation only; of earlier ones there is "
-            f"{', '.join(known)}"
-        )
+    told = f"colour: {colour!r} is known of the last generation only; of earlier ones there is"
+    require(colour in known, f"{told} {', '.join(known)}")
     value = np.asarray(known[colour], dtype=np.float64)
     return Tiles(family.lower[rows], family.size[rows], value)
 

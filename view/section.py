@@ -18,7 +18,7 @@ from matplotlib.path import Path
 from numpy.typing import NDArray
 
 from kaju.arrays import Flags, Floats, Ints
-from kaju.errors import ParameterError, suggestion
+from kaju.errors import no_such, require
 from kaju.model.results.mesh import corner_order, same_points
 from kaju.model.scene import Scene
 
@@ -32,17 +32,12 @@ How: TypeAlias = Literal["min", "max", "sum", "farthest"]
 
 def check_number(key: str, value: float, last: float) -> None:
     """Refuse the number of a moment, or of a level, that there is not."""
-    if not 0 <= value <= last:
-        raise ParameterError(f"{key}: must lie between 0 and {last:g} here, got {value}")
+    require(0 <= value <= last, f"{key}: must lie between 0 and {last:g} here, got {value}")
 
 
 def check_word(key: str, word: str, known: Collection[str]) -> None:
     """Refuse what is not among the words of an option."""
-    if word not in known:
-        raise ParameterError(
-            f"{key}: there is no {word!r}{suggestion(str(word), known)}; there is "
-            f"{', '.join(known) or 'none'}"
-        )
+    require(word in known, f"{key}: {no_such(repr(word), word, known)}")
 
 
 def one_a_place(places: Ints, values: NDArray[Any], how: How) -> tuple[Ints, NDArray[Any]]:
@@ -304,21 +299,17 @@ def named_cut(scene: Scene, cut: Cut) -> tuple[int, float] | None:
     """Return axis and place (m) of a cut, None unless one is asked for; refuse anything else."""
     if not cut:
         return None
-    if scene.lattice.dimension == 2:
-        raise ParameterError(
-            f"cut: only bodies of cubes can be cut, got {dict(cut)!r}; leave it out"
-        )
-    if len(cut) != 1 or next(iter(cut)) not in ("x", "y", "z"):
-        raise ParameterError(
-            f"cut: one of the axes 'x', 'y' and 'z' with a place in m, such as {{'y': 0.05}}, "
-            f"got {dict(cut)!r}"
-        )
+    told = f"cut: only bodies of cubes can be cut, got {dict(cut)!r}; leave it out"
+    require(scene.lattice.dimension == 3, told)
+    told = "cut: one of the axes 'x', 'y' and 'z' with a place in m, such as {'y': 0.05}"
+    named = len(cut) == 1 and next(iter(cut)) in ("x", "y", "z")
+    require(named, f"{told}, got {dict(cut)!r}")
     ((name, place),) = cut.items()
     axis = "xyz".index(name)
     end = scene.lattice.cell_size * scene.lattice.shape[axis]
     number = isinstance(place, (int, float, np.number)) and not isinstance(place, bool)
-    if not (number and 0.0 <= place <= end):
-        raise ParameterError(f"cut: {name} runs from 0 to {end:g} m, got {place!r}")
+    within = number and 0.0 <= place <= end
+    require(within, f"cut: {name} runs from 0 to {end:g} m, got {place!r}")
     return axis, float(place)
 
 

@@ -107,8 +107,7 @@ def jittered(
 
 def cut(network: SpringNetwork, start: ArrayLike, end: ArrayLike) -> SpringNetwork:
     """Return a plane network without the springs that cross the line from `start` to `end` (m)."""
-    if network.dimension != 2:
-        raise ParameterError("network: only plane networks can be cut along a line")
+    require(network.dimension == 2, "network: only plane networks can be cut along a line")
     tips = np.asarray(start, dtype=np.float64), np.asarray(end, dtype=np.float64)
     first, second = network.positions[network.springs].transpose(1, 0, 2)
     crossed = _apart(*tips, first, second) & _apart(first, second, *tips)
@@ -129,8 +128,7 @@ def pulled(
     `force`: in total (N), as a constant stress along the highest nodes; `displacement`: how far
     these are moved up (m) instead.
     """
-    if network.dimension != 2:
-        raise ParameterError("network: only plane networks can be pulled at their top")
+    require(network.dimension == 2, "network: only plane networks can be pulled at their top")
     across, height = network.positions.T
     low, high = (np.flatnonzero(height == level) for level in (height.min(), height.max()))
     held = np.zeros_like(network.held)

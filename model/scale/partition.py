@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kaju.arrays import Flags
-from kaju.errors import ParameterError, SceneError
+from kaju.errors import SceneError, require
 from kaju.model.elastic.equal.grid import problem_of, sides_of
 from kaju.model.elastic.equal.problem import ACTIVE, ElasticProblem, FaceFields
 from kaju.model.elastic.equal.system import lift
@@ -71,11 +71,9 @@ def levels_of(shape: tuple[int, ...], comm: Any) -> list[PetscLevel]:
     """Return the levels of the hierarchy of a body of so many cells, the finest first."""
     size = comm.getSize()
     parts = _processes(shape, size)
-    if any(n < (HALO * p if p > 1 else 1) for n, p in zip(shape, parts, strict=True)):
-        raise ParameterError(
-            f"solve_petsc: {' x '.join(map(str, shape))} cells cannot be cut for {size} processes: "
-            f"each needs {HALO} or more along every axis; start fewer"
-        )
+    enough = all(n >= (HALO * p if p > 1 else 1) for n, p in zip(shape, parts, strict=True))
+    told = f"{' x '.join(map(str, shape))} cells cannot be cut for {size} processes: each needs"
+    require(enough, f"solve_petsc: {told} {HALO} or more along every axis; start fewer")
     shapes = [shape]
     while True:
         coarser = tuple(-(-n // 2) for n in shapes[-1])

@@ -16,7 +16,7 @@ from pydantic import Field, PlainValidator, field_validator, model_validator
 from kaju.agents.elastic_rule import ElasticRule
 from kaju.agents.materials import Material, material, meant_material
 from kaju.agents.rules import Coefficients, PrescribedRule
-from kaju.errors import ParameterError, SceneError, SceneFileError, require, suggestion
+from kaju.errors import ParameterError, SceneError, SceneFileError, no_such, require, suggestion
 from kaju.files import text_of_file
 from kaju.model.rheology.element import ThreeElement
 from kaju.model.rheology.load_history import History
@@ -234,8 +234,7 @@ FREE = SideCondition()
 def check_side(name: str, sides: tuple[str, ...], where: str) -> None:
     """Refuse a side that the array does not have."""
     if name not in sides:
-        known = f"{suggestion(name, sides)}; there is {', '.join(sides)}"
-        raise SceneError(f"{where}: there is no side {name!r}{known}")
+        raise SceneError(f"{where}: {no_such(f'side {name!r}', name, sides)}")
 
 
 class Table(Described):
@@ -288,8 +287,7 @@ class MaterialTable(Described):
         if self.base is not None:
             return replace(material(self.base, "base"), **given)
         for key in ("youngs_modulus", "poissons_ratio"):
-            if key not in given:
-                raise ParameterError(f"{key}: is needed, or a base from the library")
+            require(key in given, f"{key}: is needed, or a base from the library")
         return Material(name="", **given)
 
 
@@ -478,11 +476,8 @@ def _rule_from(value: Any) -> Any:
     if not isinstance(value, Mapping):
         raise ValueError(f"must be a table or a rule, got {value!r}")
     kind = value.get("kind", "prescribed")
-    if not isinstance(kind, str) or kind not in TABLES:
-        raise ParameterError(
-            f"kind: there is no rule {kind!r}{suggestion(str(kind), TABLES)}; "
-            f"there is {', '.join(TABLES)}"
-        )
+    known = isinstance(kind, str) and kind in TABLES
+    require(known, f"kind: {no_such(f'rule {kind!r}', kind, TABLES)}")
     return TABLES[kind].model_validate(value).build()
 
 
@@ -537,10 +532,7 @@ class Description(Described):
     @field_validator("materials", mode="after")
     @classmethod
     def _named_by_their_keys(cls, materials: dict[str, Material]) -> dict[str, Material]:
+        told = "cannot name a material, because scenes use the word for cells that are not body"
         for name in NOT_BODY:
-            if name in materials:
-                raise ParameterError(
-                    f"{name}: cannot name a material, because scenes use the word for cells that "
-                    "are not body"
-                )
+            require(name not in materials, f"{name}: {told}")
         return {name: replace(material, name=name) for name, material in materials.items()}

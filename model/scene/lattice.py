@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from kaju.agents.shares import Lateral, Neighbourhood
 from kaju.arrays import Flags, Floats, Ints
-from kaju.errors import ParameterError, SceneError, suggestion
+from kaju.errors import SceneError, require, suggestion
 
 Cells = NDArray[np.int64]
 """Integer cell coordinates, shape (n, dimension)."""
@@ -74,16 +74,11 @@ class Lattice(ABC):
     """Whether cells are squares or cubes, which have smaller ones in them and a staggered grid."""
 
     def __post_init__(self) -> None:
-        if len(self.shape) != self.dimension:
-            raise ParameterError(
-                f"shape: {self.kind!r} has {self.dimension} axes, but {self.shape} names "
-                f"{len(self.shape)}"
-            )
-        if prod(self.shape) >= 2**62:
-            raise ParameterError(
-                f"shape: {' x '.join(map(str, self.shape))} cells are more than can be counted "
-                "(2^62); use larger cells"
-            )
+        axes, size = len(self.shape), " x ".join(map(str, self.shape))
+        told = f"shape: {self.kind!r} has {self.dimension} axes, but {self.shape} names {axes}"
+        require(axes == self.dimension, told)
+        told = f"shape: {size} cells are more than can be counted (2^62); use larger cells"
+        require(prod(self.shape) < 2**62, told)
 
     # What a lattice says of itself.
 

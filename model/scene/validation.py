@@ -17,7 +17,7 @@ import pydantic
 from pydantic import BaseModel, Field, Strict, ValidationError
 from pydantic_core import ErrorDetails, PydanticCustomError
 
-from kaju.errors import ParameterError, SceneError, brief, suggestion
+from kaju.errors import ParameterError, SceneError, brief, require, suggestion
 
 Number = Annotated[float, Strict(), pydantic.AllowInfNan(False)]
 Coordinate = Annotated[Number, Field(ge=-1e12, le=1e12)]
@@ -122,8 +122,7 @@ def built_by(table: Any, made: type, forms: str) -> pydantic.PlainValidator:
 def one_given(described: Described, names: tuple[str, ...], rule: str) -> str:
     """Return the only one of some keys that is given; `rule` begins the error if it is not one."""
     given = [name for name in names if getattr(described, name) is not None]
-    if len(given) != 1:
-        raise ParameterError(f"{rule} {', '.join(names)}; got {', '.join(given) or 'none'}")
+    require(len(given) == 1, f"{rule} {', '.join(names)}; got {', '.join(given) or 'none'}")
     return given[0]
 
 

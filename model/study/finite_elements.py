@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from kaju.arrays import Floats
-from kaju.errors import ParameterError, needing
+from kaju.errors import ParameterError, needing, require
 from kaju.factors import factors_of
 from kaju.model.elastic.moduli import Moduli, moduli_at, scene_moduli
 from kaju.model.elastic.uneven_loads import portions
@@ -69,17 +69,14 @@ def finite_elements(scene: Scene, *, order: int = 2, split: int = 1) -> ElementR
     """
     with needing("finite_elements needs scikit-fem: pip install 'kaju[fem]'"):
         import skfem
-    if order not in (1, 2):
-        raise ParameterError(f"order: must be 1 or 2, got {order!r}")
-    if split != int(split) or split < 1:
-        raise ParameterError(f"split: must be a whole number from 1, got {split!r}")
+    require(order in (1, 2), f"order: must be 1 or 2, got {order!r}")
+    whole = split == int(split) and split >= 1
+    require(whole, f"split: must be a whole number from 1, got {split!r}")
     dimension = scene.lattice.dimension
     many = dimension * (order * split) ** dimension * scene.lattice.size
-    if many > 2_000_000:  # factors of more do not fit into the memory of usual machines
-        raise ParameterError(
-            f"scene: some {many:,} unknowns are too many for finite elements, which take "
-            f"2,000,000; give a coarser scene or a smaller split"
-        )
+    told = f"scene: some {many:,} unknowns are too many for finite elements, which take 2,000,000"
+    told += "; give a coarser scene or a smaller split"
+    require(many <= 2_000_000, told)  # factors of more fit into no usual machine's memory
     kinds = surroundings(scene)
     ticks = [np.arange(split * (n - 2) + 1.0) / split for n in kinds.shape]
     box, mesh_of = ("Hex", skfem.MeshHex) if dimension == 3 else ("Quad", skfem.MeshQuad)
@@ -159,10 +156,8 @@ def surroundings(scene: Scene) -> Index:
     check_boxes(scene.lattice, "can be finite elements")
     shape = np.array(scene.lattice.shape)
     found = scene.kinds(grid(0 * shape - 1, shape + 1))
-    if np.isin(found, (FOUNDATION, DISPLACED)).any():
-        raise ParameterError(
-            "scene: finite elements know sides that are free, rigid or rollers only"
-        )
+    known = not np.isin(found, (FOUNDATION, DISPLACED)).any()
+    require(known, "scene: finite elements know sides that are free, rigid or rollers only")
     return np.asarray(found.reshape(shape + 2))
 
 

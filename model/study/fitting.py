@@ -15,7 +15,7 @@ import numpy as np
 
 from kaju.agents.rules import PrescribedRule
 from kaju.arrays import Floats
-from kaju.errors import ParameterError, StabilityError, suggestion
+from kaju.errors import ParameterError, StabilityError, require, suggestion
 from kaju.model.scene import Scene, scene_needed
 from kaju.model.study.compare import Comparison, Pair, compare
 from kaju.model.study.solving import solve
@@ -151,8 +151,7 @@ def fit_rule(
         known = suggestion(str(quantity), get_args(Quantity))
         told = f"must be 'displacement' or 'stress', got {quantity!r}"
         raise ParameterError(f"quantity: {told}{known}")
-    if evaluations < 10:
-        raise ParameterError(f"evaluations: must be 10 or more, got {evaluations}")
+    require(evaluations >= 10, f"evaluations: must be 10 or more, got {evaluations}")
     search = _Search(scene, elastic_reference(scene) if reference is None else reference, quantity)
     best = search.rule(search.run(evaluations))
     return Fit(best, search.before, search.compare(best), quantity, search.runs)

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kaju.arrays import Flags, Floats, Ints, nearest, without_rows
-from kaju.errors import ParameterError, ResultError, brief
+from kaju.errors import ParameterError, ResultError, brief, require
 from kaju.model.results.archive import Stored
 from kaju.model.results.stored import Column
 
@@ -77,8 +77,7 @@ class Reference(Stored):
             if values.shape != shape or d not in (2, 3) or not n:
                 needed = shape if name != "points" else "(n, 2) or (n, 3)"
                 raise ParameterError(f"{name}: must have shape {needed}, got {values.shape}")
-            if not np.isfinite(values).all():
-                raise ParameterError(f"{name}: must be finite numbers")
+            require(bool(np.isfinite(values).all()), f"{name}: must be finite numbers")
             object.__setattr__(self, name, values)
 
     @property

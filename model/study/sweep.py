@@ -443,11 +443,8 @@ def _everything(result: Any) -> Row:
     others = ("seconds", "kaju_version", "notes")  # times say nothing about the point
     table = _table(result).items()
     figures = dict(each for key, value in table if key not in others for each in _flat(key, value))
-    if not figures:
-        raise ParameterError(
-            f"measure: {type(result).__name__} has no figures of its own; "
-            "say what to measure by a function of it"
-        )
+    told = f"measure: {type(result).__name__} has no figures of its own"
+    require(bool(figures), f"{told}; say what to measure by a function of it")
     return figures
 
 
@@ -489,10 +486,8 @@ def _figure(name: str, value: Any) -> Any:
     value = plain(value)
     if value is None:
         return math.nan
-    if not _is_figure(value):
-        raise ParameterError(
-            f"measure: {name!r} must be one number, text or truth value, got {type(value).__name__}"
-        )
+    told = f"measure: {name!r} must be one number, text or truth value"
+    require(_is_figure(value), f"{told}, got {type(value).__name__}")
     return value
 
 
@@ -510,17 +505,13 @@ def points_of(vary: Vary, method: str, samples: int | None, seed: int) -> Points
         raise ParameterError("vary: at least one quantity is needed, as {'rule.threshold': [...]}")
     if method in METHODS[2:]:
         columns = _sampled(vary, method, samples, seed)
-    elif samples is None:
-        columns = [_values(key, given) for key, given in vary.items()]
     else:
-        raise ParameterError(
-            f"samples: a {method} has as many points as its values make; leave samples away"
-        )
+        told = f"samples: a {method} has as many points as its values make; leave samples away"
+        require(samples is None, told)
+        columns = [_values(key, given) for key, given in vary.items()]
     lengths = dict(zip(vary, map(len, columns), strict=True))
-    if method == "list" and len({*lengths.values()}) > 1:
-        raise ParameterError(
-            f"vary: the values of a list go together one by one; got {lengths} of them"
-        )
+    told = f"vary: the values of a list go together one by one; got {lengths} of them"
+    require(method != "list" or len({*lengths.values()}) == 1, told)
     if method == "grid" and (count := math.prod(lengths.values())) > 1_000_000:
         raise ParameterError(
             f"vary: {count:,} combinations are more than 1,000,000; take fewer values, or draw "
@@ -531,17 +522,13 @@ def points_of(vary: Vary, method: str, samples: int | None, seed: int) -> Points
 
 
 def _values(key: str, given: Any) -> Sequence[Any]:
-    if hasattr(given, "ppf"):
-        raise ParameterError(
-            f"vary: {key!r} is a distribution, of which a grid or list cannot be made; "
-            "take method='sobol' or 'lhs', with samples="
-        )
+    told = f"vary: {key!r} is a distribution, of which a grid or list cannot be made"
+    require(not hasattr(given, "ppf"), f"{told}; take method='sobol' or 'lhs', with samples=")
     if isinstance(given, (str, bytes)) or not isinstance(given, (Sequence, np.ndarray, range)):
         raise ParameterError(
             f"vary: {key!r} needs a list of values or a scipy.stats distribution, got {given!r}"
         )
-    if len(given) == 0:
-        raise ParameterError(f"vary: {key!r} has no values")
+    require(len(given) > 0, f"vary: {key!r} has no values")
     return list(given)
 
 

@@ -167,6 +167,13 @@ def suggestion(name: str, known: Iterable[str], cutoff: float = 0.6) -> str:
     return f" (did you mean {near[0]!r}?)" if near else ""
 
 
+def no_such(what: str, name: object, known: Iterable[str]) -> str:
+    """Return "there is no side 'tpo' (did you mean 'top'?); there is left, right …"."""
+    known = list(known)
+    near = suggestion(str(name), known)
+    return f"there is no {what}{near}; there is {', '.join(known) or 'none'}"
+
+
 def unknown(name: str, whose: str, known: Iterable[str], meant: str = "") -> ParameterError:
     """Return the error of an argument that something does not take; it says which is meant."""
     near, known = suggestion(meant or name, known), ", ".join(known) or "none"

@@ -25,7 +25,8 @@ UNITS = {
     key: unit
     for unit, keys in {
         "N": "threshold load_taken load_dropped reaction residual_load",
-        "m": "max_displacement smallest_agent largest_agent displacement_left",
+        "m": "max_displacement displacement_left",
+        "length": "smallest_agent largest_agent",  # m, as in scenes, whatever its size
         "J": "potential_energy strain_energy energy_bounds",
         "s": "duration seconds",
     }.items()
@@ -117,7 +118,7 @@ def _rows(summary: Mapping[str, Any]) -> Iterator[tuple[str, str, str]]:
         meaning = summary.get(f"{key}_doubt") or meaning
         stem, _, ending = name.rpartition("_")
         if stem and ending in ("N", "Nm", "m", "J", "s", "Pa"):
-            name, unit = stem, ending
+            name, unit = stem, "length" if stem.endswith("_at") else ending
         name = name.replace("_", " ")
         if isinstance(value, Mapping):
             beside = [part for each in value.values() if isinstance(each, list) for part in each]
@@ -127,7 +128,7 @@ def _rows(summary: Mapping[str, Any]) -> Iterator[tuple[str, str, str]]:
         elif isinstance(value, list) and value and isinstance(value[0], Mapping):
             for number, entry in enumerate(value, start=1):
                 told = {k.removesuffix("_m"): v for k, v in entry.items() if v is not None}
-                own, units = told.pop("unit", ""), {"at": "m", "relative_error": ""}
+                own, units = told.pop("unit", ""), {"at": "length", "relative_error": ""}
                 called = f"{name} {number}" if len(value) > 1 else name
                 if "error_bound" in told:
                     del told["error_estimate"]
@@ -146,7 +147,8 @@ def text_of(value: object, unit: str = "", named: bool = False, beside: Sequence
     if isinstance(value, int):
         return grouped(value)
     if isinstance(value, float):
-        return quantity(value, unit) if unit else f"{value:.4g}"
+        told = quantity(value, unit) if unit else f"{value:.4g}"
+        return f"{value:.4g} m" if unit == "length" else told
     if isinstance(value, (list, tuple)):
         numbers = [abs(part) for part in (*value, *beside) if isinstance(part, float)]
         least = 1e-5 * max(numbers, default=0.0)  # nothing beside four digits of the largest

@@ -40,12 +40,6 @@ def by_law(law: Floats) -> list[tuple[Ints | slice, Floats]]:
     return [(np.flatnonzero(which == number), one) for number, one in enumerate(laws.T)]
 
 
-def normal_stress(law: Moduli, strain: Floats) -> Floats:
-    """Return normal stresses by normal strains, both axis by axis."""
-    volume = law.lateral * strain.sum(axis=0)
-    return np.asarray(volume + (law.stretch - law.lateral) * strain)
-
-
 def is_rubber(moduli: Moduli, plane: str | None) -> bool:
     """Tell whether a material is so nearly incompressible that pressure needs its own unknown."""
     # From 0.45 in ν on the mixed form is the quicker one.

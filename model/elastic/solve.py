@@ -24,7 +24,7 @@ from kaju.model.elastic.pair.loop import PairLoop
 from kaju.model.elastic.posed_body import PosedBody
 from kaju.model.outline.posed_outlines import OutlinedBody
 from kaju.model.scene import Scene
-from kaju.model.solid.solid_agents import solved_agents
+from kaju.model.solid.solid_agents import SolidAgents, grid_of_solid
 from kaju.stepping import NOTE, interrupt_requested
 
 
@@ -118,7 +118,11 @@ def solve_cells(
 def solve_solid(scene: Scene, resolution: int | None) -> ElasticResult:
     """Solve a solid within true outlines on equal cells, whole, cut or empty."""
     start = perf_counter()
-    return _converged(solved_agents(scene, resolution), start)
+    check_numbers(None, resolution)
+    posed, share = grid_of_solid(scene, int(resolution or 1))
+    solution = solve_problem(posed.problem)
+    solution.notes[:0] = posed.notes
+    return _converged(SolidAgents(scene, None, posed.division, solution, share, posed), start)
 
 
 def _converged(found: CellAgents, start: float, tolerance: float | None = None) -> ElasticResult:

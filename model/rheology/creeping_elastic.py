@@ -36,7 +36,7 @@ from kaju.model.elastic.equal.direct import DIRECT_LIMIT
 from kaju.model.elastic.equal.krylov import Iteration, conjugate_gradients
 from kaju.model.elastic.equal.problem import ElasticProblem
 from kaju.model.elastic.equal.staggered import Numbering, Strains, axis_pairs, edge_modulus
-from kaju.model.elastic.moduli import Moduli, moduli_at, moduli_of, normal_stress
+from kaju.model.elastic.moduli import Moduli, moduli_at, moduli_of
 from kaju.model.results.stored import Column
 
 from .creep_result import BodyTimeResult
@@ -314,3 +314,9 @@ def elastic_body(static: ElasticResult) -> Creeping:
         return CreepingBody(static)
     size = np.array([2.0 * static.strain_energy / modulus[0]])
     return GrowingElements(static, ElasticCreepResult, materials[:1], size)
+
+
+def normal_stress(law: Moduli, strain: Floats) -> Floats:
+    """Return normal stresses by normal strains, both axis by axis."""
+    volume = law.lateral * strain.sum(axis=0)
+    return np.asarray(volume + (law.stretch - law.lateral) * strain)

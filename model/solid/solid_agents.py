@@ -14,10 +14,8 @@ from numpy.typing import NDArray
 
 from kaju.arrays import Flags, Floats, Ints
 from kaju.errors import SceneError
-from kaju.model.elastic.arguments import check_numbers
 from kaju.model.elastic.equal.cell_agents import CellAgents
 from kaju.model.elastic.equal.grid import Grid, problem_of_scene
-from kaju.model.elastic.equal.solver import solve_problem
 from kaju.model.elastic.equal.staggered import axis_pairs, edge_modulus, padded
 from kaju.model.elastic.equal.supports import check_supports, slender_cell
 from kaju.model.scene import Body, Scene
@@ -48,15 +46,6 @@ class SolidAgents(CellAgents):
         """Return the grid of a stored answer."""
         posed, self.factor = grid_of_solid(self.scene, self.division)
         return posed
-
-
-def solved_agents(scene: Scene, resolution: int | None) -> SolidAgents:
-    """Return the agents of a solid with true outlines, equal cells, settled."""
-    check_numbers(None, resolution)
-    posed, share = grid_of_solid(scene, int(resolution or 1))
-    solution = solve_problem(posed.problem)
-    solution.notes[:0] = posed.notes
-    return SolidAgents(scene, None, posed.division, solution, share, posed)
 
 
 def grid_of_solid(scene: Scene, resolution: int) -> tuple[Grid, Floats]:

@@ -101,7 +101,10 @@ def test_new_writes_a_scene_that_runs(kaju):
     stepped = ["part.toml", "--set", "body.regions[0].outline=cells"]
     stepped += ["--set", "body.regions[0].disk.radius=0.03"]
     assert "note: outlines are steps of 0.0125 m" in kaju("check", *stepped)[1]
-    assert "MPa     beside curved edges it may be" in kaju("solve", *stepped, "--no-pictures")[1]
+    told = kaju("solve", *stepped, "--no-pictures")[1]
+    assert "MPa     beside curved edges it may be" in told
+    assert "largest agent                0.0125 m\n" in told
+    assert "did you mean 'hole'" in kaju("solve", "part.toml", "--goal", "hol")[2]
     code, _, err = kaju("new", "mine.toml")
     assert (code, "exists already" in err) == (2, True)
     far = ["check", str(EXAMPLES / "lug.toml"), "--set", "loads[0].force=[1e12, 0.0]"]

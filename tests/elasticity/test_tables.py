@@ -121,12 +121,6 @@ BODIES = {
 }
 
 
-def answer(name):
-    """Return what is pinned of a body's answer."""
-    result = kaju.solve(BODIES[name]())
-    return result.displacement, result.strain_energy, result.reactions
-
-
 PINNED = np.load(TRUTH)
 WITHIN = {"gum": 1e-6, "stiff inclusion": 1e-8, "stiff ball": 1e-8, "stiff on soft": 1e-7}
 """MINRES stops early on a nearly incompressible body; a contrast of 10⁶ takes digits from what was
@@ -138,13 +132,13 @@ pinned (against a solution in extended precision it is off by 3e-9 and 2e-8, our
 def test_displacement_energy_and_reactions_are_the_pinned_ones(name, iterated, monkeypatch):
     if iterated:  # few cells, too, as many are
         monkeypatch.setattr("kaju.model.elastic.equal.solver.FEW", {2: 0, 3: 0})
-    displacement, energy, reactions = answer(name)
+    result = kaju.solve(BODIES[name]())
     relative = 3e-5 if iterated else WITHIN.get(name, 1e-9)
     expected = PINNED[f"{name}/displacement"]
     size = np.abs(expected).max()
-    np.testing.assert_allclose(displacement, expected, rtol=0, atol=relative * size)
-    assert energy == pytest.approx(float(PINNED[f"{name}/energy"]), rel=relative)
-    for side, force in reactions.items():
+    np.testing.assert_allclose(result.displacement, expected, rtol=0, atol=relative * size)
+    assert result.strain_energy == pytest.approx(float(PINNED[f"{name}/energy"]), rel=relative)
+    for side, force in result.reactions.items():
         pinned = PINNED[f"{name}/reactions/{side}"]
         np.testing.assert_allclose(force, pinned, rtol=0, atol=relative * np.abs(pinned).max())
 

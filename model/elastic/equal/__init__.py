@@ -9,5 +9,5 @@ Read `staggered` (the law), then:
   preconditioner, rubber with pressures of its own.
 - `hierarchy`: the cycle; `multigrid_levels`: its levels; `row_kernels`: the compiled loops, which
   are imported with `iterative` alone.
-- `fields`, `cell_agents`, `equal_arrays`: what the displacements say.
+- `fields`, `cell_agents`: what the displacements say.
 """

@@ -169,13 +169,6 @@ def internal_force(problem: ElasticProblem, u: FaceFields) -> FaceFields:
     return tuple(forces)
 
 
-def strain_energy(problem: ElasticProblem, u: FaceFields) -> float:
-    """Return the energy stored in body and foundation (scaled)."""
-    return 0.5 * float(
-        sum(np.vdot(f, v) for f, v in zip(internal_force(problem, u), u, strict=True))
-    )
-
-
 class Numbering:
     """Numbers for the faces that are free to move, axis after axis.
 
@@ -240,18 +233,15 @@ def strain_matrix(problem: ElasticProblem, numbering: Numbering) -> sp.csr_array
     return sp.csr_array(sp.vstack(blocks, format="csr"))
 
 
-class Rows(NamedTuple):
-    """A body as rows of strain, K = Bᵀ k B: cells along each axis, edges, springs of the bed."""
+def rows_of(
+    problem: ElasticProblem,
+) -> tuple[Numbering, sp.csr_array, Floats, Floats, Floats]:
+    """Return a body whose stiffness, or whose strains at rest, change, as rows of strain: B.
 
-    numbering: Numbering
-    matrix: sp.csr_array  # B: elongation of every row by displacement of the active faces
-    given: Floats  # elongation by what sides are moved by
-    bed: Floats  # stiffness of the bed's springs, which are the last rows
-    load: Floats  # force on the active faces
-
-
-def rows_of(problem: ElasticProblem) -> Rows:
-    """Return the rows of a body whose stiffness, or whose strains at rest, change."""
+    K = Bᵀ k B: of cells along each axis, edges, springs of the bed. First the active faces, then
+    the elongation of every row by their displacement (B), and by what sides are moved by; the
+    stiffness of the bed's springs, which are the last rows; and the force on the faces.
+    """
     numbering = Numbering(problem.face_states)
     springs = numbering.gather(problem.spring)
     on_bed = sp.eye_array(numbering.size, format="csr")[springs > 0.0]
@@ -261,7 +251,7 @@ def rows_of(problem: ElasticProblem) -> Rows:
     cells = (stretch[solid] for stretch in strain.cells)
     given = np.concatenate([*cells, *edges, np.zeros(on_bed.shape[0])])
     load = numbering.gather(problem.force)
-    return Rows(numbering, sp.csr_array(matrix), given, springs[springs > 0.0], load)
+    return numbering, sp.csr_array(matrix), given, springs[springs > 0.0], load
 
 
 def _differences(columns: int, terms: list[tuple[Ints, float]]) -> sp.csr_array:

@@ -14,7 +14,7 @@ from itertools import permutations
 import numpy as np
 from numpy.typing import NDArray
 
-from kaju.arrays import Flags, Floats, Ints, rigid_motions
+from kaju.arrays import Floats, Ints, rigid_motions
 from kaju.model.elastic.free_motion import free_motion, unheld
 from kaju.model.scene.cell_types import RIGID
 
@@ -29,7 +29,13 @@ def check_supports(
     """Refuse a body of which a part could move without straining."""
     while is_box(problem):
         problem = coarse_box(problem)  # which is held as the large one is
-    parts, count = parts_of(problem.kinds >= 0)
+    body = problem.kinds >= 0
+    parts, count = body.astype(np.int32), 1
+    if not body[problem.inner].all():
+        from scipy.ndimage import label  # which a full box does without
+
+        found, count = label(body)
+        parts = found.astype(np.int32)
     owner, stops = _stops(problem, parts)
     for part in range(1, count + 1):
         rows = stops[owner == part]
@@ -38,16 +44,6 @@ def check_supports(
             cell = np.argwhere(parts == part)[0] - 1
             first = np.zeros(problem.dimension, int) if origin is None else np.asarray(origin)
             raise unheld((cell + first) // division, motion, touched=len(rows) > 0)
-
-
-def parts_of(body: Flags) -> tuple[NDArray[np.int32], int]:
-    """Return the number of every cell's part of the body, from 1, and how many there are."""
-    if body[(slice(1, -1),) * body.ndim].all():  # for which nothing needs to be imported
-        return body.astype(np.int32), 1
-    from scipy.ndimage import label
-
-    labelled, count = label(body)
-    return labelled.astype(np.int32), count
 
 
 def _stops(problem: ElasticProblem, parts: NDArray[np.int32]) -> tuple[Ints, Floats]:

@@ -45,10 +45,8 @@ NO_BOUND = "nothing is proved of a stress at a point"
 
 def goals_asked(scene: Scene, goal: AskedFor | None) -> list[Stress | Deflection]:
     """Return what `goal` asks for within true outlines; nothing for the energy norm."""
-    if isinstance(goal, (list, tuple)) and goal and not is_point(goal):
-        return [quantity for one in goal for quantity in goals_asked(scene, one)]
-    if goal is None:
-        return []
+    if goal is None or (isinstance(goal, (list, tuple)) and goal and not is_point(goal)):
+        return [quantity for one in goal or () for quantity in goals_asked(scene, one)]
     regions = [one for one in scene.body.regions if one.name]
     holding = [one.name for one in regions if one.material in HOLDING]
     named = [str(one.name) for one in regions]

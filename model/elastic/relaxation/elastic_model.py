@@ -18,7 +18,7 @@ from kaju.arrays import Floats, Ints
 from kaju.errors import ParameterError, StabilityError, brief, by_name
 from kaju.model.elastic.elastic_result import ElasticResult
 from kaju.model.elastic.equal.cell_agents import CellAgents
-from kaju.model.elastic.equal.staggered import strain_energy
+from kaju.model.elastic.equal.staggered import internal_force
 from kaju.model.elastic.equal.system import Solution
 from kaju.model.elastic.relaxation import elastic_run, push_state
 from kaju.model.elastic.relaxation.elastic_run import ElasticRun, PushLedger, Recorder, StepRecord
@@ -318,9 +318,10 @@ class ElasticModel(SteppedModel):
                 f"moduli differ by a factor of {contrast:.0e}: because of loads left on soft "
                 "cells the error may be tens of times the estimate; check it by `kaju solve`"
             )
+        forces = zip(internal_force(problem, fields), fields, strict=True)
         solution = Solution(
             displacement=fields,
-            energy=strain_energy(problem, fields),
+            energy=0.5 * sum(float(np.vdot(f, u)) for f, u in forces),
             method=f"agents, {table.order}",
             discretisation=0.0,
             algebraic=self.error_estimate,

@@ -152,8 +152,10 @@ def test_outlines_are_lines_that_the_agents_move():
 def test_what_is_rigid_holds_all_round_its_outline():
     bolt = {"disk": {"centre": [0.05, 0.15], "radius": 0.01}, "outline": "true"}
     lines = motion_data(solve(plate_with_a_hole().with_region("pinned", **bolt), 0.5))[0]["ground"]
-    round_it = [line for line in lines if line["out"] != [-1.0, 0.0]]
-    assert (len(round_it), len(lines)) == (24, 25)  # and the left side
+    (middle,) = (line for line in lines if line["out"] == [0, 0])
+    assert middle["from"] == middle["to"] == pytest.approx([0.05, 0.15])
+    round_it = [line for line in lines if line["out"] not in ([-1.0, 0.0], [0, 0])]
+    assert (len(round_it), len(lines)) == (24, 26)  # and the left side
     start, end, out = (np.array([line[k] for line in round_it]) for k in ("from", "to", "out"))
     inward = [0.05, 0.15] - 0.5 * (start + end)
     np.testing.assert_allclose(out, inward / np.linalg.norm(inward, axis=1, keepdims=True), 1e-9)

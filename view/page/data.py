@@ -322,6 +322,10 @@ def ground_of(asked: Scene, result: Result) -> Iterator[dict[str, Any]]:
             out /= np.linalg.norm(way, axis=1)[:, None]
             for line in zip(ring.tolist(), (ring + way).tolist(), out.tolist(), strict=True):
                 yield dict(zip(("from", "to", "out"), line, strict=True), kind="rigid")
+    cut = getattr(result, "cut_agents", None)
+    pivots = np.empty((0, 2)) if cut is None else cut.ground.edge * cut.ground.pivots
+    for at in pivots[np.isfinite(pivots).all(axis=1)].tolist():  # a ring round each pin's middle
+        yield {"from": at, "to": at, "out": [0, 0], "kind": "roller"}
     cells = np.argwhere(scene.rasterise() >= 0)
     for arm, normal in enumerate(lattice.normals):
         axis = int(np.abs(normal).argmax())

@@ -264,7 +264,7 @@ export function lineOfGround(ctx, [ax, ay], [bx, by], [nx, ny], rolls, deep = 8)
   const long = Math.hypot(bx - ax, by - ay), n = Math.max(1, Math.round(long / 8));
   ctx.moveTo(ax, ay); ctx.lineTo(bx, by);
   for (let i = 0; i < n; i++) {
-    const x = ax + (bx - ax) * (i + 0.5) / n, y = ay + (by - ay) * (i + 0.5) / n, r = Math.min(2.5, long / 3);
+    const x = ax + (bx - ax) * (i + 0.5) / n, y = ay + (by - ay) * (i + 0.5) / n, r = Math.min(2.5, long / 3 || 2.5);
     if (rolls) { ctx.moveTo(x + deep * nx / 2 + r, y - deep * ny / 2); ctx.arc(x + deep * nx / 2, y - deep * ny / 2, r, 0, 7); } else { ctx.moveTo(x, y); ctx.lineTo(x + deep * (nx - Math.abs(ny) / 2), y - deep * (ny - Math.abs(nx) / 2)); }
   }
 }

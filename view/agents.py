@@ -62,14 +62,6 @@ def _boundaries(stage: Stage, until: int) -> Iterator[tuple[Symbol, Ints, Ints]]
             yield symbol, stage.boundary_cells[chosen], stage.boundary_spawn_step[chosen]
 
 
-def _draw_boundaries(ax: Axes, section: Section, stage: Stage, norm: Normalize, until: int) -> None:
-    for symbol, cells, steps in _boundaries(stage, until):
-        tiles, step = section.gather(cells, steps.astype(np.float64), "min")
-        shapes = section.centres(tiles)[:, None] + section.tile_size[0] * symbol.corners
-        look: dict[str, Any] = {"edgecolors": INK, "linewidths": 0.4, "zorder": 5, "norm": norm}
-        add_polygons(ax, shapes, f"{symbol.name}s", array=step, cmap=SEQUENTIAL, **look)
-
-
 def _mark_pulled(ax: Axes, section: Section, stage: Stage) -> list[Artist]:
     """Mark the agents that took more pulls than pushes; return what explains the mark."""
     more = (2.0 * stage.pulled - stage.taken).sum(axis=1)
@@ -142,7 +134,11 @@ def plot_agents(
     agents = stage.cells[born], stage.spawn_step[born]
     look: dict[str, Any] = {"cmap": SEQUENTIAL, "norm": norm}
     draw_cells(picture.ax, section, *agents, "min", "material agents", **look)
-    _draw_boundaries(picture.ax, section, stage, norm, until)
+    look |= {"edgecolors": INK, "linewidths": 0.4, "zorder": 5}
+    for symbol, cells, steps in _boundaries(stage, until):
+        tiles, step = section.gather(cells, steps.astype(np.float64), "min")
+        shapes = section.centres(tiles)[:, None] + section.tile_size[0] * symbol.corners
+        add_polygons(picture.ax, shapes, f"{symbol.name}s", array=step, **look)
     if generation is None:
         picture.entries += _mark_pulled(picture.ax, section, stage)
     else:

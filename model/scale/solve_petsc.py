@@ -98,7 +98,9 @@ def solve_petsc(
     local = levels[0].dm.createLocalVec()
     levels[0].dm.globalToLocal(found, local)
     faces = window.faces(local)
-    energy = float(comm.allreduce(_energy(window, faces)))
+    pairs = enumerate(zip(internal_force(window.problem, faces), faces, strict=True))
+    own = (float(f[window.owned(a)] @ u[window.owned(a)]) for a, (f, u) in pairs)
+    energy = float(comm.allreduce(0.5 * sum(own)))
     # Relative error of the parents' answer, by its potential energy.
     missed = 2.0 * (coarser - _potential(matrix, found, right))
     known = np.isfinite(missed) and energy > 0.0
@@ -123,12 +125,6 @@ def solve_petsc(
             result,
         )
     return result
-
-
-def _energy(window: Window, faces: FaceFields) -> float:
-    """Return what this process's faces contribute to the energy (scaled)."""
-    pairs = enumerate(zip(internal_force(window.problem, faces), faces, strict=True))
-    return 0.5 * sum(float(f[window.owned(a)] @ u[window.owned(a)]) for a, (f, u) in pairs)
 
 
 def _piece(window: Window, faces: FaceFields) -> Piece:

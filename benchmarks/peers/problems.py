@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -42,17 +43,17 @@ _PIXELS = """
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """A body of cells on rigid ground, pressed on part of its top."""
+    """A body of cells on rigid ground, pressed on part of its top: of steel unless told."""
 
     name: str
     picture: Flags  # Which cells are material, indexed [x, y(, z)]
-    edge: float  # Edge of the picture's cells (m)
-    youngs_modulus: float  # (Pa)
-    poissons_ratio: float
-    thickness: float  # (m), of plane bodies
     patch: tuple[tuple[float, ...], tuple[float, ...]]
     """Lower and upper corner (m) of the loaded part of the top."""
-    force: float  # Total force (N), downwards
+    edge: float = 0.01  # Edge of the picture's cells (m)
+    youngs_modulus: float = 206e9  # (Pa)
+    poissons_ratio: float = 0.3
+    thickness: float = 0.002  # (m), of plane bodies
+    force: float = 2.0  # Total force (N), downwards
 
     @property
     def dimension(self) -> int:
@@ -67,31 +68,19 @@ class Problem:
     def scene(self, division: int) -> Scene:
         """Return the body with every cell of the picture split `division` times per axis."""
         top = [0.0] * (self.dimension - 1) + [-self.force]
-        body: dict[str, object] = {"thickness": self.thickness} if self.dimension == 2 else {}
+        body: dict[str, Any] = {"cell_size": self.edge / division}
+        body |= {"thickness": self.thickness} if self.dimension == 2 else {}
+        law = {"youngs_modulus": self.youngs_modulus, "poissons_ratio": self.poissons_ratio}
         described = {
-            "materials": {
-                "solid": {
-                    "youngs_modulus": self.youngs_modulus,
-                    "poissons_ratio": self.poissons_ratio,
-                }
-            },
+            "materials": {"solid": law},
             "sides": {"bottom": "rigid"},
             "loads": [{"region": {"box": [list(p) for p in self.patch]}, "force": top}],
         }
         if self.picture.all():
-            body |= {
-                "cells": [division * n for n in self.picture.shape],
-                "cell_size": self.edge / division,
-                "material": "solid",
-            }
+            body |= {"cells": [division * n for n in self.picture.shape], "material": "solid"}
             return Scene(body=body, **described)
-        return Scene.from_array(
-            self.split(division).astype(np.int64),
-            legend={0: "air", 1: "solid"},
-            cell_size=self.edge / division,
-            **body,
-            **described,
-        )
+        codes = self.split(division).astype(np.int64)
+        return Scene.from_array(codes, legend={0: "air", 1: "solid"}, **body, **described)
 
     def split(self, division: int) -> Flags:
         """Return the picture with every cell split `division` times per axis."""
@@ -126,34 +115,16 @@ class Problem:
         return float(away.max()), float(np.sqrt(np.mean(away**2)))
 
 
-PLATE = Problem(
-    name="plate",
-    picture=np.ones((20, 20), dtype=np.bool_),
-    edge=0.01,
-    youngs_modulus=206e9,
-    poissons_ratio=0.3,
-    thickness=0.002,
-    patch=((0.09, 0.2), (0.11, 0.2)),
-    force=2.0,
-)
+PLATE = Problem("plate", np.ones((20, 20), dtype=np.bool_), patch=((0.09, 0.2), (0.11, 0.2)))
 BLOCK = Problem(
     name="block",
     picture=np.ones((8, 8, 8), dtype=np.bool_),
+    patch=((0.375, 0.375, 1.0), (0.625, 0.625, 1.0)),
     edge=0.125,
     youngs_modulus=1.0,
-    poissons_ratio=0.3,
     thickness=1.0,
-    patch=((0.375, 0.375, 1.0), (0.625, 0.625, 1.0)),
     force=1.0,
 )
-PIXELS = Problem(
-    name="pixels",
-    picture=np.array([[letter == "#" for letter in row] for row in _PIXELS.split()[::-1]]).T,
-    edge=0.01,
-    youngs_modulus=206e9,
-    poissons_ratio=0.3,
-    thickness=0.002,
-    patch=((0.08, 0.19), (0.12, 0.19)),
-    force=2.0,
-)
+_LETTERS = np.array([list(row) for row in _PIXELS.split()[::-1]]).T
+PIXELS = Problem("pixels", _LETTERS == "#", patch=((0.08, 0.19), (0.12, 0.19)))
 PROBLEMS = {problem.name: problem for problem in (PLATE, BLOCK, PIXELS)}

@@ -99,8 +99,8 @@ def solve_petsc(
     levels[0].dm.globalToLocal(found, local)
     faces = window.faces(local)
     pairs = enumerate(zip(internal_force(window.problem, faces), faces, strict=True))
-    own = (float(f[window.owned(a)] @ u[window.owned(a)]) for a, (f, u) in pairs)
-    energy = float(comm.allreduce(0.5 * sum(own)))
+    shares = (float(f[window.owned(a)] @ u[window.owned(a)]) for a, (f, u) in pairs)
+    energy = float(comm.allreduce(0.5 * sum(shares)))
     # Relative error of the parents' answer, by its potential energy.
     missed = 2.0 * (coarser - _potential(matrix, found, right))
     known = np.isfinite(missed) and energy > 0.0

@@ -175,6 +175,7 @@ def test_a_drawing_is_a_guess_and_a_number_rounded_well_is_nearly_right(opened, 
     assert page.text(".recalled").startswith("You guessed: Drawn on paper")
     field = page.tab.locator("input.field").nth(2)
     told = {"14.6": "correct", "15": "rounded too far: give more digits", "14.2": "look again"}
+    told |= {"1460": "check the unit: is it in N?", "146": "look again · right within ± "}
     for typed, verdict in told.items():
         field.fill(typed)
         field.press("Tab")
@@ -186,6 +187,13 @@ def test_a_drawing_is_a_guess_and_a_number_rounded_well_is_nearly_right(opened, 
     assert page.text("aside .flow").count("is still open") == 4  # the guess waits for all
     page.js("(page.lesson.questions.map(q => page.lesson.answer(q, [...'abcde'])), page.rebuild())")
     assert re.search(r"a · b · c · d · e\n+Below.*before\.\n+2\. ", page.text("aside .flow"))
+    right = page.js(
+        "page.lesson.go(1), page.lesson.question.fields.map((field) => String(field.answer))"
+    )
+    for number, typed in enumerate([right[1], right[0]]):
+        page.tab.locator("input.field").nth(number).fill(typed)
+        page.tab.keyboard.press("Tab")
+    assert page.text(".fields").count("are two answers exchanged?") == 2
     page = opened(make_pages.make_lesson(lesson("how-things-break"), tmp_path)[0])
     page.press("Drawn on paper")
     assert page.js("(page.seek(1), page.draw(), page.breaking.length)") == 1

@@ -107,7 +107,9 @@ export class Lesson {
     return last && !this.index ? null : { step, word: last ? "lessons" : "nextStep", go: () => { if (!last) { this.enter(step); return; } this.finish(); location.href = this.index; } };
   }
   /** Whether a question is done: whole, and its numbers are right. */
-  isDone(q) { return this.answered(q) && (q.kind !== "number" || q.step === "predict" || q.fields.every((field, i) => isRight(field, numberIn(this.answers[q.key][i], this.page.say(field.unit) ?? "")))); }
+  isDone(q) { return this.answered(q) && (q.kind !== "number" || q.step === "predict" || q.fields.every((field, i) => isRight(field, this.number(q, i)))); }
+  /** The number in a field of a question. */
+  number(q, i) { return numberIn(this.answers[q.key]?.[i] ?? "", this.page.say(q.fields[i].unit) ?? ""); }
   finish() {
     this.done = [...this.done.filter((name) => name !== this.step), ...(this.of(this.step).every((q) => this.isDone(q)) ? [this.step] : [])];
     if (this.kept) this.keep();
@@ -276,6 +278,7 @@ function questionCards(lesson, q) {
   if (q.recalls && said) list.push(make("p", { className: "recalled", textContent: t("youGuessed", { x: `${said} ${say(guess.fields?.[0].unit) ?? ""}` }) }));
   if (q.kind === "cells") list.push(...guessCards(lesson, q));
   lesson.saved = make("small", { className: `saved${lesson.keeps ? "" : " bad"}`, role: "status", textContent: lesson.told });
+  lesson.judges = [];
   if (q.kind === "number") list.push(make("div", { className: q.fields.length % 2 || q.fields.length > 6 ? "fields" : "fields pairs" }, ...q.fields.map((field, i) => numberCard(lesson, q, field, i))), ...(q.lines ? textCard(lesson, q, q.fields.length) : []), lesson.saved);
   else list.push(...(q.kind === "cells" && lesson.shown === "guess" ? [] : textCard(lesson, q)), lesson.saved);   // nothing surprises before it is seen
   if (lesson.fixed) list.push(button(t("changeGuess"), () => { lesson.done = lesson.done.filter((step) => step !== q.step); page.seek(q.until ?? 0); page.rebuild(); }, { className: "small" }));
@@ -302,17 +305,33 @@ function textCard(lesson, q, i) {
 }
 
 function numberCard(lesson, q, field, i) {
-  const { page } = lesson, { t } = page, label = page.say(field.label) ?? "", unit = page.say(field.unit) ?? "", asked = page.say(field.read_in) || unit, verdict = make("small", { role: "status" });
+  const { page } = lesson, { t } = page, label = page.say(field.label) ?? "", unit = page.say(field.unit) ?? "", verdict = make("small", { role: "status" });
   const input = make("input", { type: "text", inputMode: "decimal", className: "field", readOnly: lesson.fixed, value: lesson.answers[q.key]?.[i] ?? "", ariaLabel: `${label} ${unit}`.trim() || t("yourAnswer"), autocomplete: "off" });
   const judge = () => {
-    const text = input.value.trim(), v = numberIn(text, unit), right = isRight(field, v), digits = text.replace(/^[^=]*=|\D*$/g, "").replace(/^[\s0.,−-]+|\D/g, ""), near = (!q.rounds || digits.length > 1) && Math.abs(v - field.answer) < 0.4 * Math.abs(field.answer) && Math.abs(v - field.answer) <= 0.5000001 * Math.abs(v) / Number(digits);   // rounded well, but too far: to half a step of its last digit
-    verdict.textContent = !text ? "" : Number.isNaN(v) ? t(!/\d/.test(text) ? "noNumber" : asked && /\p{L}/u.test(text) ? "notIn" : "bareNumber", { u: asked }) : q.step === "predict" ? "" : right ? t("correct") : near ? t("moreDigits") : t("lookAgain", { x: page.say(field.look) || label || t("thePicture") }) + (field.tolerance > 0 && !q.rounds ? ` · ${t("within", { e: `${general(field.tolerance, 3)} ${unit}` })}` : "");
-    verdict.className = right ? "right" : "soft";
-    if (right && q.step !== "predict") verdict.prepend(icon("tick"));
+    const said = judged(lesson, q, i, input.value.trim()), right = said === t("correct");
+    if (said === verdict.textContent) return;
+    Object.assign(verdict, { textContent: said, className: right ? "right" : "soft" });
+    if (right) verdict.prepend(icon("tick"));
   };
+  lesson.judges.push(judge);
   input.oninput = () => lesson.answer(q, input.value, i);
-  input.onchange = judge; judge();
+  input.onchange = () => lesson.judges.forEach((each) => each());   // one answer may tell of another
+  judge();
   return make("label", { className: "card" }, make("span", { className: "small soft" }, ...inline(label)), make("span", { className: "typed" }, input, unit), verdict);
+}
+
+/** What is said of a number that was typed into a field: also which usual slip it shows, but never where the right one lies. */
+function judged(lesson, q, i, text) {
+  const { page, page: { t } } = lesson, field = q.fields[i], unit = page.say(field.unit) ?? "", asked = page.say(field.read_in) || unit, v = numberIn(text, unit);
+  if (!text) return "";
+  if (Number.isNaN(v)) return t(!/\d/.test(text) ? "noNumber" : asked && /\p{L}/u.test(text) ? "notIn" : "bareNumber", { u: asked });
+  if (q.step === "predict") return "";
+  if (isRight(field, v)) return t("correct");
+  const off = Math.abs(v - field.answer), digits = text.replace(/^[^=]*=|\D*$/g, "").replace(/^[\s0.,−-]+|\D/g, "");
+  if ((!q.rounds || digits.length > 1) && off < 0.4 * Math.abs(field.answer) && off <= 0.5000001 * Math.abs(v) / Number(digits)) return t("moreDigits");   // rounded well, but too far: to half a step of its last digit
+  if (q.fields.some((other, j) => j !== i && isRight(other, v) && isRight(field, lesson.number(q, j)))) return t("exchanged");
+  if (unit && [0.001, 0.01, 100, 1000].some((f) => isRight(field, f * v))) return t("checkUnit", { u: unit });
+  return t("lookAgain") + (field.look ? `: ${page.say(field.look)}` : "") + (field.tolerance > 0 && !q.rounds ? ` · ${t("within", { e: general(field.tolerance, 3) })}` : "");
 }
 
 function guessCards(lesson, q) {

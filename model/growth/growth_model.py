@@ -15,7 +15,7 @@ from kaju.model.elastic.equal import fields
 from kaju.model.elastic.equal.grid import grid_of
 from kaju.model.elastic.equal.problem import ElasticProblem, FaceFields
 from kaju.model.elastic.equal.solver import followed
-from kaju.model.elastic.equal.staggered import energy_of_cells
+from kaju.model.elastic.equal.staggered import energy_of_cells, strains
 from kaju.model.elastic.moduli import Moduli, equivalent_stress
 from kaju.model.scene import Scene
 from kaju.model.scene.scene import scene_needed
@@ -264,23 +264,21 @@ class GrowingBody:
         self.energy = self._symmetric(unit * energy_of_cells(problem, self._moved)[self.body])
         self.iterations = solution.iterations
 
-    def _stress(self) -> Floats:
-        """Return the stress tensors of the whole material at the cells' strain, in its unit."""
-        assert self._moved is not None
-        parts = fields.stress_parts(replace(self._whole, surface_shear={}), self._moved)
-        return fields.cell_tensor(self._whole, parts, self.body)
-
     def von_mises(self) -> Floats:
         """Return the equivalent stress (Pa) of the whole material at the cells' strain."""
+        assert self._moved is not None
         problem = self._whole
+        parts = fields.stress_parts(replace(problem, surface_shear={}), self._moved)
+        stress = fields.cell_tensor(problem, parts, self.body)
         own = problem.kinds[problem.inner][self.body].astype(np.int64)
-        equivalent = equivalent_stress(self._stress(), problem.moduli, own, problem.plane)
+        equivalent = equivalent_stress(stress, problem.moduli, own, problem.plane)
         return self._symmetric(problem.scales.stress * equivalent)
 
     def pulled(self) -> Flags:
-        """Tell which cells are pulled more than pressed, by their principal stresses."""
-        principal = np.linalg.eigvalsh(self._stress())
-        return self._symmetric(principal[:, 0] + principal[:, -1]) > 0.0
+        """Tell which cells are pulled more than pressed: they grow."""
+        assert self._moved is not None
+        grown = np.sum(strains(self._moved).cells, axis=0)
+        return self._symmetric(grown[self._whole.inner][self.body]) > 0.0
 
     def _flipped(self, values: Floats, axis: int) -> Floats:
         """Return the values of the cells' mirror images along an axis."""

@@ -57,7 +57,7 @@ class GrowthResult(BodyResult):
     designs: Annotated[NDArray[np.float32], Column("steps agents", 0.0, 1.0)]
     """Densities at first and after every step, in single precision. Shape (steps + 1, n)."""
     pulled: Annotated[Flags, Column("steps agents")]
-    """Whether the largest of a cell's principal stresses, by size, pulls. Shape (steps + 1, n)."""
+    """Whether a cell is pulled more than pressed, so that it grows. Shape (steps + 1, n)."""
     compliances: Annotated[Floats, Column("steps", 0.0)]
     """Work of the forces F·u (J). Shape (steps + 1,)."""
     volumes: Annotated[Floats, Column("steps", 0.0, 1.0)]

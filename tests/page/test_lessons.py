@@ -159,6 +159,7 @@ def test_a_guess_is_not_judged_and_what_a_question_looks_at_is_there(opened, tmp
     assert page.text("h1") == "Ein halb so langer Schnitt · Wie Dinge brechen"
     assert page.js("[page.lesson.step, page.g === 0]") == ["explain", True]
     assert page.text("a[aria-current]") == "kürzeren"  # this page
+    assert page.text(".recalled").startswith("Du hast noch nicht vermutet: Beginne mit")
     page.js("(page.lesson.answers.warning = ['2 cm'], page.lesson.open(3))")
     assert "bitte in Federn" in page.text("aside .flow")
     page = opened(*make_pages.make_lesson(lesson("blow-up"), tmp_path))

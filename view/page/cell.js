@@ -207,7 +207,8 @@ function paintCell(page, box) {
     if (s > 120) say(formulaOf(page, { kind, load }, P), wx, wy + (kind === "along" && ey < -0.5 ? -17 : 17), inks.soft, font, align);
   }
   const middle = cy + (behind ? 0 : 0.3 * s);
-  say(`${t("keeps")} ${newtons(own, P)}`, cx, middle - 6, inks.ink); say("α₁P", cx, middle + 13, inks.ink, font);
+  const [word, load] = [t("keeps"), newtons(own, P)], lines = s > 120 ? [[`${word} ${load}`, bold], ["α₁P", font]] : [[word, font], [load, bold]];   // a phone's cell is narrower than both
+  lines.forEach(([text, face], n) => say(text, cx, middle - 6 + 19 * n, inks.ink, face));
   words.forEach(([text, x, y, ink, options]) => paintWord(ctx, text, x, y, ink, inks, options));
   ctx.restore();
   if (s > 120) t("cellKey", { g: quantity(run.scene.rule.threshold, "N") }).split(" · ").forEach((line, n) => paintWord(ctx, line, cx - 1.2 * s, cy + 1.21 * s + 12 + 17 * n, inks.soft, inks));

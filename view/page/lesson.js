@@ -277,6 +277,7 @@ function questionCards(lesson, q) {
   const [guess] = lesson.questions, said = lesson.own(guess);
   if (q.recalls && said) list.push(make("p", { className: "recalled", textContent: t("youGuessed", { x: `${said} ${say(guess.fields?.[0].unit) ?? ""}` }) }));
   if (q.kind === "cells") list.push(...guessCards(lesson, q));
+  if (lesson.opens && lesson.keeps && !lesson.teacher && !lesson.guessed(guess)) list.unshift(make("p", { className: "recalled" }, ...inline(t("beginHere", { to: `${lesson.key}.html` }))));   // who came by a link
   lesson.saved = make("small", { className: `saved${lesson.keeps ? "" : " bad"}`, role: "status", textContent: lesson.told });
   lesson.judges = [];
   if (q.kind === "number") list.push(make("div", { className: q.fields.length % 2 || q.fields.length > 6 ? "fields" : "fields pairs" }, ...q.fields.map((field, i) => numberCard(lesson, q, field, i))), ...(q.lines ? textCard(lesson, q, q.fields.length) : []), lesson.saved);

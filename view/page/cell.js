@@ -25,12 +25,10 @@ export function arrivals({ scene, cells, stage }, k, until) {
     for (let i = 0; i < n; i++) {
       const from = Math.floor(state[i] / C);
       if (!near.has(from) || kinds[from] < 0) continue;
-      for (let e = 0; e < T.most; e++) {
-        const at = (kinds[from] * C + state[i] - from * C) * T.most + e, out = T.share[at] * magnitude[i], arm = T.arm[at], to = L.neighbour(from, arm);
-        if (!out) continue;
-        const back = from === k && kinds[to] < 0;
+      for (const [arm, way, share] of T.rows[kinds[from] * C + state[i] - from * C]) {
+        const out = share * magnitude[i], to = L.neighbour(from, arm), back = from === k && kinds[to] < 0;
         if (to !== k && !back) continue;
-        const channel = back ? T.turned[kinds[to]][arm][T.channel[at]] : T.channel[at];
+        const channel = back ? T.turned[kinds[to]][arm][way] : way;
         note({ generation: g + 1, channel, each: accumulate ? out * copies[i] : out, copies: accumulate ? 1 : copies[i], from: back ? to : from, arm: back ? arm : L.opposite[arm], ends: !(out > least) });
       }
     }
@@ -45,12 +43,9 @@ export function arrivals({ scene, cells, stage }, k, until) {
 
 /** What leaves of one load: {arm, channel, load, ends, kind}, and what is kept. */
 export function leaving(scene, run, k, channel, load) {
-  const { lattice: L, kinds } = run, T = run.transfer ?? new Transfer(scene, L), { C, most } = T, { threshold, accumulate } = scene.rule, list = [];
+  const { lattice: L, kinds } = run, T = run.transfer ?? new Transfer(scene, L), { threshold, accumulate } = scene.rule;
   const pull = channel >= L.D, ahead = pull ? L.opposite[channel - L.D] : channel;
-  for (let e = 0; e < most; e++) {
-    const at = (kinds[k] * C + channel) * most + e, out = T.share[at] * load, arm = T.arm[at];
-    if (out) list.push({ arm, channel: T.channel[at], load: out, ends: !accumulate && !(out > threshold), kind: T.channel[at] !== channel ? "outwards" : arm === ahead ? "ahead" : "along" });
-  }
+  const list = T.rows[kinds[k] * T.C + channel].map(([arm, way, share]) => ({ arm, channel: way, load: share * load, ends: !accumulate && !(share * load > threshold), kind: way !== channel ? "outwards" : arm === ahead ? "ahead" : "along" }));
   return { list, own: T.shares[kinds[k]].own * load, total: list.reduce((sum, e) => sum + e.load, 0) };
 }
 

@@ -145,22 +145,20 @@ export class MotionPage extends Page {
     const level = this.visits[this.g], block = Array(this.dimension).fill(2 ** level).join("×");
     this.parts.cap.textContent = this.told || [level > 0 && t("parents", { n: block }), this.times && Math.abs(this.times - 1) > 1e-9 && t("magnified", { n: quantity(this.times, "") }), this.lesson && t("measures", { s: this.sides.map((side) => quantity(Number(side.toPrecision(3)), "m")).join(" × ") }), this.lesson && this.corners === 2 && t(this.pulls ? "pulledMark" : "heldMark"), this.breaking.length > 0 && t("breaksNow"), this.lesson && this.breaking.length > 0 && this.g === this.run.generation && this.parts.verdict.textContent].filter(Boolean).join(" · ");
   }
+  placesOf(part) { return Array.from({ length: this.corners }, (_, i) => this.where(this.parts[part * this.corners + i])); }
   middle(part) {
-    const list = Array.from({ length: this.corners }, (_, i) => this.where(this.parts[part * this.corners + i]));
+    const list = this.placesOf(part);
     return list[0].map((_, a) => list.reduce((sum, p) => sum + p[a], 0) / list.length);
   }
   drawParts(view, ink) {
-    const { corners, parts, count } = this, { ctx, r } = view, px = new Float64Array(8), py = new Float64Array(8), solid = corners === 8;
+    const { corners, count } = this, { ctx } = view, px = new Float64Array(8), py = new Float64Array(8), solid = corners === 8;
     SHEET.start(ctx, view.W, view.H);
     if (!solid) { this.fillFlat(view, ink, px, py); ctx.putImageData(SHEET.image, 0, 0); return; }
     const order = Array.from({ length: count }, (_, i) => i).filter((i) => this.there(i));
     const far = new Float64Array(count);
     for (const i of order) far[i] = this.middle(i).reduce((sum, x, a) => sum + x * view.depth[a], 0);
     order.sort((a, b) => far[b] - far[a]);
-    for (const part of order) {
-      const places = Array.from({ length: corners }, (_, i) => view.point(this.where(parts[part * corners + i])));
-      fillBox(view, places, ink(part));
-    }
+    for (const part of order) fillBox(view, this.placesOf(part).map((p) => view.point(p)), ink(part));
     ctx.putImageData(SHEET.image, 0, 0);
   }
   /** Squares, hexagons, diamonds: 80,000 of them, so nothing is made for each. */

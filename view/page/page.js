@@ -396,13 +396,12 @@ export class Page {
 
   // -------------------------------------------------------------------------- mouse and keys
   press(event) {
-    const { view } = this;
     this.canvas.setPointerCapture(event.pointerId); this.parts.tip.hidden = true;
     if (this.mode?.press?.(this, event)) return;
     if (this.solid) { this.hold = { x: event.clientX, y: event.clientY, ...this.look.camera }; return; }
     const grip = this.touchable && this.pen === "look" ? this.loads.grip(event) : null;
     this.hold = grip ?? { pen: true };
-    if (!grip) { this.loads.chosen = -1; this.touch(view.cellAt(event.offsetX, event.offsetY)); }
+    if (!grip) { this.loads.chosen = -1; this.touch(this.view.cellAt(event.offsetX, event.offsetY)); }
     this.later();
   }
   release(event) {

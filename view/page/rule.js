@@ -10,13 +10,13 @@ export function sharesOf(rule, material, dimension) {
   return { own, forward, friction, poisson: (1 - beta) * material.poissons_ratio * own, beta };
 }
 
-/** Emissions by material and channel in flat columns; what boundaries make of a channel. */
+/** Emissions by material and channel, [arm, channel, share] in rows and in flat columns; what boundaries make of a channel. */
 export class Transfer {
   constructor(scene, lattice) {
     const { D } = lattice, sense = Boolean(scene.rule.sense);
     this.C = sense ? 2 * D : D;
     this.shares = scene.materials.map((m) => sharesOf(scene.rule, m, lattice.dimension));
-    const rows = this.shares.flatMap((s) => Array.from({ length: this.C }, (_, c) =>
+    const rows = this.rows = this.shares.flatMap((s) => Array.from({ length: this.C }, (_, c) =>
       emissionsOf(lattice, s, c)));
     this.most = Math.max(1, ...rows.map((row) => row.length));
     const column = (Type, n) => Type.from(rows.flatMap((row) =>
@@ -29,7 +29,6 @@ export class Transfer {
     this.worst = Math.floor(emitted.indexOf(Math.max(...emitted)) / this.C);
     this.largest = this.share.reduce((a, b) => Math.max(a, b), 0);
     this.undiminished = rows.every((row) => row.some((e) => e[2] >= 1));   // whether every load has a share that is as large as it
-    this.rows = rows;
     const turnedBy = (kind) => Array.from({ length: D }, (_, arm) => Int8Array.from({ length: this.C }, (_, c) => turn(lattice, kind, arm, c, sense)));
     this.turned = Object.fromEntries([AIR, RIGID, ROLLER].map((kind) => [kind, turnedBy(kind)]));
   }

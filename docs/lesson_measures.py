@@ -248,6 +248,10 @@ def _noodle(run: Callable[..., Any]) -> Words:
 def _bridges(run: Callable[..., Any]) -> Words:
     return {
         "compliance": lambda page="", step=-1: float(1e3 * run(page).compliances[step]),  # mJ
+        # the share of the steel, in per cent, that is in cells at least 95 % full
+        "full": lambda page="": (
+            100 * float(np.average(run(page).cells > 0.95, weights=run(page).cells))
+        ),
         # the mean density between the feet, in the middle third of the lowest row
         "tie": lambda page="": float(run(page).density[16:31, 1].mean()),
     }

@@ -112,9 +112,9 @@ export class MotionPage extends Page {
     }
     let { least: low, far: high } = known;
     const log = low === 0 && high > 0 && (!this.moved ? /load|mises/ : this.born ? /load|gap/ : /^$/).test(name);
+    if (/density|pull/.test(name)) high = 1;      // their ends are those of every body
     if (low < 0) { high = Math.max(high, -low); low = -high; }
     this.scales.set(name, known);
-    if (name === "density") high = 1;             // its ends are those of every body
     return Object.assign(known, { low: log ? high * (name === "gap" ? 1e-6 : 1e-4) : low, high: high || 1, log });
   }
 

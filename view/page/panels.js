@@ -36,7 +36,7 @@ function saves(page) {
 /** Above the picture: ways of looking, and what the present one brings. */
 export function buildBar(page) {
   const { t, mode } = page, modes = waysOf(page), tools = mode?.tools?.(page) ?? [];
-  const choose = modes.length && !mode?.alone ? [segments(t("views"), page.look.mode, [["body", t("body")], ...modes.map((m) => [m.name, t(m.name)])], (name) => page.setMode(name))] : [];
+  const choose = modes.length && !mode?.alone ? [segments(t("views"), page.look.mode, [["body", t("body")], ...modes.map(({ name }) => [name, t(name === "twin" && page.ruleAlone ? "ruler" : name)])], (name) => page.setMode(name))] : [];
   return page.parts.bar = make("div", { className: "bar", hidden: !choose.length && !tools.length }, ...choose, ...tools);
 }
 

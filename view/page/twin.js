@@ -183,11 +183,11 @@ MODES.push({
     page.past.note(); page.refresh();
   },
   tools(page) {
-    const { t, look } = page, two = settings(page), put = (part) => { look.twin = Object.assign(two, part); page.past.note(); page.refresh(); };
-    const narrow = page.solid || page.stageBox?.clientWidth <= 560, shown = Object.keys(BOTH).filter((name) => name !== "across" || page.run.lattice.dimension === 2).map((name) => [name, t(name)]);
-    return [...(narrow ? [] : [segments(t("views"), two.layout, [["swipe", t("swipe")], ["beside", t("sideBySide")]], (layout) => put({ layout }))]), picker(t("colour"), two.show, shown, (show) => put({ show })),
-      ...(page.solid ? [] : [button(t("ruler"), () => this.called(page), { ariaPressed: String(Boolean(two.ruler)) })]),
-      button(t("shape"), () => { look.deformed = !look.deformed; put({}); }, { ariaPressed: String(look.deformed) }), page.twin?.line ?? ""];
+    const { t, look, lesson } = page, two = settings(page), put = (part) => { look.twin = Object.assign(two, part); page.past.note(); page.refresh(); };
+    const narrow = page.solid || page.stageBox?.clientWidth <= 560, free = !lesson || (lesson.step === "try" && !narrow), shown = Object.keys(BOTH).filter((name) => name !== "across" || page.run.lattice.dimension === 2).map((name) => [name, t(name)]);
+    return [...(narrow || page.ruleAlone ? [] : [segments(t("views"), two.layout, [["swipe", t("swipe")], ["beside", t("sideBySide")]], (layout) => put({ layout }))]), ...(free ? [picker(t("colour"), two.show, shown, (show) => put({ show }))] : []),   // a question says itself what is read
+      ...(page.solid || page.ruleAlone ? [] : [button(t("ruler"), () => this.called(page), { ariaPressed: String(Boolean(two.ruler)) })]),
+      ...(free ? [button(t("shape"), () => { look.deformed = !look.deformed; put({}); }, { ariaPressed: String(look.deformed) })] : []), page.twin?.line ?? ""];
   },
   cards: (page) => (page.twin ? [page.twin.card = make("section", { className: "card", hidden: true }, page.twin.profile, rulerTools(page)), page.twin.numbers] : []),
   draw(page) {

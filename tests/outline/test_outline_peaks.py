@@ -196,6 +196,7 @@ SQUARE = {"box": [[5.0, 5.0], [6.0, 6.0]]}
     [
         ("hohle", plate(region(**DISK)), "did you mean 'hole'.*; there is hole, right, top$"),
         (kaju.Stress((1.0, 1.0), "hoop"), plate(region(**DISK)), "only an outline or a free side"),
+        ([HOOP, [1.0, 1.0]], plate(region(**DISK)), "only an outline or a free side"),
         (kaju.Stress("hole", "xx"), plate(region(**DISK)), "of 'hole' .* no 'xx'"),
         ("hole,y", plate(region(**DISK)), "no load acts on 'hole'"),
         ("left", plate(region(**DISK), sides={"left": "rigid"}), "left is held"),

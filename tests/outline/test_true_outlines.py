@@ -75,6 +75,18 @@ def test_the_energy_of_a_ring_lies_within_its_bounds(tolerance: float, plane: st
     assert abs(goal.value - 0.25 * np.pi * moved) < goal.error_bound < tolerance * moved
 
 
+def test_rows_of_cut_agents_stand_in_the_middle_of_what_they_hold() -> None:
+    corners = np.array([[0.013, 0.0], [0.1, 0.0], [0.1, 0.077]])
+    wedge = {"polygon": corners.tolist(), "material": "steel", "outline": "true"}
+    body = {"size": [0.1, 0.1], "cells": [4, 4], "material": "air", "regions": [wedge]}
+    loads = [{"side": "bottom", "pressure": 1e6}]
+    scene = kaju.Scene(body=body, sides={"right": "rigid"}, loads=loads)
+    table = kaju.solve(scene, tolerance=0.3).to_dataframe()
+    area, place = table["area (m²)"].to_numpy(), table[["x (m)", "y (m)"]].to_numpy()
+    assert area.sum() == pytest.approx(0.5 * 0.087 * 0.077)
+    assert area @ place / area.sum() == pytest.approx(corners.mean(axis=0), rel=1e-9)
+
+
 def test_a_plate_with_a_hole_lies_within() -> None:
     answer = kaju.solve(plate(), tolerance=0.05)
     traction = 1e5 / 0.1  # Pa, of a plate 1 m thick

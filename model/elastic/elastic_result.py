@@ -388,9 +388,9 @@ class ElasticResult(BodyResult):
             away = nearest(self.sharp_corners, points)[0] > 0.999 * self.scene.lattice.cell_size
             value *= away | (not (some := bool(away.any())))
         # Along outlines it is known better than at the corners there, and in spite of corners near.
-        for stress, place in self.largest_along(VON_MISES).values():
-            near = nearest(points, np.array([place]))[1]
-            value[near] = np.maximum(value[near], stress)
+        if along := [*self.largest_along(VON_MISES).values()]:
+            near = nearest(points, np.array([place for _, place in along]))[1]
+            np.maximum.at(value, near, [stress for stress, _ in along])
         at = first_largest(value)
         return LargestStress(float(value[at]), tuple(points[at].tolist()), some)
 

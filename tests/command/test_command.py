@@ -103,6 +103,7 @@ def test_new_writes_a_scene_that_runs(kaju):
     assert "note: outlines are steps of 0.0125 m" in kaju("check", *stepped)[1]
     told = kaju("solve", *stepped, "--no-pictures")[1]
     assert "MPa     beside curved edges it may be" in told
+    assert told.count("a third too low") == 2  # there, and in a note
     assert "largest agent                0.0125 m\n" in told
     assert "did you mean 'hole'" in kaju("solve", "part.toml", "--goal", "hol")[2]
     code, _, err = kaju("new", "mine.toml")

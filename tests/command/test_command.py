@@ -104,7 +104,8 @@ def test_new_writes_a_scene_that_runs(kaju):
     told = kaju("solve", *stepped, "--no-pictures")[1]
     assert "MPa     beside curved edges it may be" in told
     assert told.count("a third too low") == 2  # there, and in a note
-    assert "largest agent                0.0125 m\n" in told
+    for line in ("agent                0.0125 m", "von Mises at         0.1 m, 0.075 m"):
+        assert f"  largest {line}\n" in told
     assert "did you mean 'hole'" in kaju("solve", "part.toml", "--goal", "hol")[2]
     code, _, err = kaju("new", "mine.toml")
     assert (code, "exists already" in err) == (2, True)

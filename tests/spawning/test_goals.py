@@ -12,6 +12,7 @@ from spawning_bodies import drawn as coded
 
 from kaju import Deflection, Reaction, Scene, Stress, load_result, material, solve
 from kaju.errors import KajuError, ParameterError
+from kaju.model.elastic.goals.duals import goal_of
 
 CELL = 0.05
 LAWS = {
@@ -242,3 +243,13 @@ def test_air_and_empty_regions_are_outside():
     cut = {"cells": [4, 4, 4], "cell_size": 0.25, "regions": [air | {"material": "air"}], **STEEL}
     with pytest.raises(ParameterError, match="no body at"):
         solve(cube().replace(body=cut), tolerance=0.2, goal=Stress(air, "xx"))
+
+
+def test_the_dual_strain_of_von_mises_is_its_slope():
+    quantity = Stress((0.06, 0.11), "von_mises")
+    found = solve(plate(), tolerance=0.1).found
+    goal = goal_of(quantity, found.ground)
+    (stress,) = np.mean(found.stresses_at(*goal.where.points(found)[:2]), axis=0)
+    (xx, xy), (_, yy) = stress
+    slope = np.array([xx - 0.5 * yy, yy - 0.5 * xx, 3.0 * xy]) / goal.read(found)[0]
+    np.testing.assert_allclose(goal._slope(found), slope, rtol=1e-6)

@@ -16,6 +16,7 @@ from kaju.arrays import Floats, first_largest
 from kaju.errors import SingularPlaceError
 from kaju.model.elastic.goals.quantities import Quantity, Stress
 from kaju.model.elastic.pair.answer import PairAgents
+from kaju.model.outline.true_shapes import KINK, SLIGHT
 from kaju.model.scene import Scene
 from kaju.model.scene.shapes import Box
 from kaju.model.scene.surfaces import ClosedSurface
@@ -158,6 +159,12 @@ def _of_outlines(result: ElasticResult) -> Iterator[str]:
     """Say that cells make steps of outlines, and where the body has sharp corners."""
     grid, corners, stepped = result.grid, result.sharp_corners, result.stepped
     h, solid = grid.lattice.cell_size, grid.lattice.dimension == 3
+    if result.cut_agents is not None:
+        body = result.cut_agents.ground
+        slight = body.edge * body.true.without_limit(SLIGHT, body.shape, most=KINK)
+        for x, y in slight[:1]:
+            at = f"({x:.4g}, {y:.4g}) m"
+            yield f"no limit of stress at a slight corner, {at}: does a radius not fit its ends?"
     if stepped and result.scene.outlined:
         yield (
             "outlines cut cells: these count by the share of them that is body, and stress and "

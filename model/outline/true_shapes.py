@@ -367,11 +367,11 @@ class TrueBody:
         return np.concatenate(places), np.concatenate(kinks)
 
     def without_limit(
-        self, least: float, extent: tuple[int, int], which: int | None = None
+        self, least: float, extent: tuple[int, int], which: int | None = None, most: float = np.pi
     ) -> Floats:
-        """Return corners within the array at which stress has no limit, (n, 2)."""
+        """Return corners within the array at which stress has no limit, (n, 2), by their angle."""
         at, kink = self.corners(which)
-        return at[((at > 0.0) & (at < extent)).all(axis=1) & (kink < -least)]
+        return at[((at > 0.0) & (at < extent)).all(axis=1) & (-kink > least) & (-kink <= most)]
 
 
 KINK = np.radians(20.0)  # angle from which on agents at a corner are looked at one by one

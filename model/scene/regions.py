@@ -270,7 +270,8 @@ def read_drawing(text: str, only: str | None = None) -> list[Floats]:
     for element, place in [shapes[ids.index(only)]] if only else shapes:
         try:
             data = CONVERSIONS[_name(element)](_rounded(element))
-            lines = [arcs @ place.T for arcs in read_path(data)]  # of homogeneous points
+            drawn = read_path(data, enlarge=True)
+            lines = [arcs @ place.T for arcs in drawn]  # of homogeneous points
         except (SceneError, ValueError) as error:
             raise _wrong(f"{_called(element)} is no outline ({error})") from None
         found += lines if _style(element, "fill-rule") == "evenodd" else _nonzero(lines)
@@ -468,8 +469,11 @@ def path_in(given: str | PathFile, where: str) -> PathShape:
     return shape
 
 
-def read_path(text: str) -> list[Floats]:
-    """Return the closed lines of a path, each of shape (n, 4, 3); lines left open are closed."""
+def read_path(text: str, enlarge: bool = False) -> list[Floats]:
+    """Return the closed lines of a path, each of shape (n, 4, 3); lines left open are closed.
+
+    Arcs too small for their ends are made larger as SVG does, or refused as mistyped.
+    """
     lines: list[list[Floats]] = []
     start: Place = (0.0, 0.0)
     here, handle, command, last, place = start, start, "", "", 0
@@ -500,7 +504,7 @@ def read_path(text: str) -> list[Floats]:
                 at = [(x, origin[1] + given[0])]
             lines[-1].append(line(here, at[-1]))
         elif kind == "A":
-            lines[-1] += _elliptic(here, given, at[-1])
+            lines[-1] += _elliptic(here, given, at[-1], enlarge)
         else:
             mirrored = (2 * x - handle[0], 2 * y - handle[1])
             smooth = mirrored if last in {"S": "CS", "T": "QT"}.get(kind, "") and last else here
@@ -542,7 +546,7 @@ def _close(lines: list[list[Floats]], start: Place, here: Place) -> None:
     lines[-1] = list(kept)
 
 
-def _elliptic(start: Place, given: list[float], end: Place) -> list[Floats]:
+def _elliptic(start: Place, given: list[float], end: Place, enlarge: bool) -> list[Floats]:
     """Return a part of an ellipse by its ends, radii and turn, as in SVG's appendix B.2.4."""
     p, q, turn = np.array(start), np.array(end), np.deg2rad(given[2])
     radii = np.abs(given[:2])
@@ -555,7 +559,12 @@ def _elliptic(start: Place, given: list[float], end: Place) -> list[Floats]:
     u, v = p @ to_circle, q @ to_circle
     half = 0.5 * (v - u)
     length = np.hypot(*half)
-    if length > 1.0:  # too small an ellipse is made larger
+    if length > 1.001 and not enlarge:
+        least = f"{np.hypot(*(p - q)):g} apart; give {length * radii[0]:.4g} or more"
+        raise SceneError(
+            f"path: an arc's radius of {radii[0]:g} is too small for its ends, {least}"
+        )
+    if length > 1.0:
         axes, u, v, half = axes * length, u / length, v / length, half / length
         length = 1.0
     side = 1.0 if given[3] != given[4] else -1.0

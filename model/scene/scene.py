@@ -160,8 +160,9 @@ class Scene(Description):
         """The body of cells; refused where true outlines say what the body is."""
         if self.outlined:
             raise SceneError(
-                'body.regions: outline = "true" is for kaju solve (and SpawningModel) alone; for '
-                'agents that pass loads on, creep and growth take outline = "cells" and small cells'
+                'body.regions: outline = "true" is for kaju solve alone, and in the plane for '
+                "SpawningModel; for agents that pass loads on, creep and growth take outline = "
+                '"cells" and small cells'
             )
         return self._resolved
 

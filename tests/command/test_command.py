@@ -62,6 +62,7 @@ def test_results_are_not_overwritten_unless_forced(kaju):
     (["solve", PLATE, "--tolerance", "0"], "tolerance"),
     (["check", PLATE, *ROLLER], "plate.toml: line 15: sides: the supports do not hold"),
     ([*LUG, '{"box": [[0, 0], [1, 1]]}'], "goal: {'box': [[0, 0], [1, 1]]}: within true"),
+    (["solve", str(EXAMPLES / "pore.toml"), "--goal", "top,z"], "goal: is not taken within true"),
     ([*LUG, "0.1,0.1"], "read it by answer.value_of (not proved)"),
     ([*LUG, "bore,misses"], "(did you mean 'bore,von_mises'?)"),
     (["animate", PLATE], "is a scene; run it first"),

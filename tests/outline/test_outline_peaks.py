@@ -120,6 +120,14 @@ def test_a_peak_of_an_outline_at_a_rigid_side_is_that_of_its_rounded_parts() -> 
     assert plain.summary()["largest_hoop_stress_Pa"]["hole"] == pytest.approx(28.84, rel=0.01)
     for told in ("2 corners: it grows with smaller cells at (0, 4), (1, 4) m", "rounded parts"):
         assert any(told in note for note in plain.notes)
+    # a radius that does not fit its ends leaves a corner of 2 degrees, or reaches none
+    corner["path"] = "M 1 4 V 1.6 A 0.62 0.62 0 0 1 1.6 1 H 4 V 4 Z"
+    kinked = kaju.solve(plate(body=body, sides={"top": "rigid"}, loads=loads), 0.5)
+    assert any(note.startswith("no limit of stress at a slight corner") for note in kinked.notes)
+    assert not any("slight" in note for note in plain.notes)
+    corner["path"] = "M 1 4 V 1.6 A 0.1 0.1 0 0 1 1.6 1 H 4 V 4 Z"
+    with pytest.raises(kaju.KajuError, match=r"path: .* radius of 0.1 .* give 0.4243 or more"):
+        plate(body=body)
     # of a straight outline nothing is left
     corner["path"] = "M 1 4 V 1 H 4 V 4 Z"
     blunt = kaju.solve(plate(body=body, sides={"top": "rigid"}, loads=loads), 0.1)

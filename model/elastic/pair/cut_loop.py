@@ -221,9 +221,8 @@ class _Peak:
         no_limit = f"goal: the stress along {name!r} has no limit: this outline"
         sharp = body.true.without_limit(SLIGHT, body.shape, self._which)
         for x, y in body.edge * sharp[:1]:
-            raise SingularPlaceError(
-                f"{no_limit} has a sharp corner at ({x:g}, {y:g}) m; make it round"
-            )
+            corner = f"has a sharp corner at ({x:g}, {y:g}) m; make it round, by a radius that fits"
+            raise SingularPlaceError(f"{no_limit} {corner} its ends")
         self._no_bound = NO_BOUND
         met = (ending[self._which] for ending in body.ends.values() if self._which in ending)
         for side in [*met][:1]:

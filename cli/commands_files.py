@@ -6,7 +6,7 @@ import json
 from contextlib import nullcontext
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
@@ -15,9 +15,6 @@ from kaju.files import atomic_file
 
 from .console import Console
 from .options import Force, Json, SceneFile, Settings, refuse_to_replace, scene_of, worked
-
-if TYPE_CHECKING:
-    from kaju.model.scene import Scene
 
 Language = StrEnum("Language", "en de ja")
 
@@ -44,27 +41,24 @@ def check(scene: SceneFile, settings: Settings = None, as_json: Json = False) ->
                 words = "a note asks a question; if all is meant so, compute it with kaju solve"
             console.say(words)
         else:
-            told, words = _of_loads(described, console)
+            from kaju.model.transfer.stability import stability
+
+            found = stability(described)
+            radius, bounds = found.spectral_radius, [found.lower, found.upper]
+            growth = f"{radius:.4g}" if radius is not None else "{:.4g} to {:.4g}".format(*bounds)
+            words, blank = found.verdict, 9 * " "
+            console.say(
+                f"verdict  {words}",
+                f"{blank}of each load at most {found.largest_share:.4g} is passed on in one piece",
+                f"{blank}if loads that meet were added: {growth} times as much a generation",
+                f"{blank}by the rule, as in kaju run; kaju solve takes the law of elasticity "
+                "instead",
+            )
+            told |= {"stable": found.stable, "largest_share": found.largest_share}
+            told |= {"spectral_radius": radius, "spectral_radius_bounds": bounds}
     if as_json:
         typer.echo(json.dumps(told | {"verdict": words, "notes": notes}, indent=2))
     raise typer.Exit(0 if told["stable"] else 1)
-
-
-def _of_loads(scene: Scene, console: Console) -> tuple[dict[str, Any], str]:
-    """Say whether loads end, and how they grow; return the figures and the verdict."""
-    from kaju.model.transfer.stability import stability
-
-    found = stability(scene)
-    radius, bounds = found.spectral_radius, [found.lower, found.upper]
-    growth = f"{radius:.4g}" if radius is not None else "{:.4g} to {:.4g}".format(*bounds)
-    console.say(
-        f"verdict  {found.verdict}",
-        f"         of each load at most {found.largest_share:.4g} is passed on in one piece",
-        f"         if loads that meet were added: {growth} times as much a generation",
-        "         by the rule, as in kaju run; kaju solve takes the law of elasticity instead",
-    )
-    figures = {"largest_share": found.largest_share, "spectral_radius": radius}
-    return {"stable": found.stable, **figures, "spectral_radius_bounds": bounds}, found.verdict
 
 
 def _begin(scene: Any) -> tuple[float, list[str]]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cached_property, reduce
-from itertools import combinations, pairwise
+from itertools import combinations
 from math import inf
 from typing import Any, NamedTuple
 
@@ -146,11 +146,7 @@ class ClosedLine:
             at, parts = self.arcs[..., axis] / self.arcs[..., 2], list[Floats]()
             through = (at.min(axis=1) < level - CLOSE) & (at.max(axis=1) > level + CLOSE)
             for arc, cut in zip(self.arcs, through, strict=True):
-                own = parted_at(arc, crossings(arc, axis, level)) if cut else [arc]
-                for one, following in pairwise(own):
-                    for at_line in (one[3], following[0]):
-                        at_line[axis] = level * at_line[2]
-                parts += own
+                parts += parted_at(arc, crossings(arc, axis, level)) if cut else [arc]
             self.arcs = np.array(parts)
 
     def parted_along(self, direction: Point) -> Floats:

@@ -106,6 +106,7 @@ def test_one_answer_keeps_a_tolerance_for_several_goals() -> None:
         assert abs(goal.value - truth) < goal.error_estimate < 0.01 * truth
     assert (len(answer.generations), answer.tolerance_kept) == (4, "estimated")
     assert [goal.error_bound is None for goal in answer.goals] == [True, True, False]
+    assert any("GPa along 'hole', at" in note for note in kaju.solve(ring(1e11), 0.3).notes)
 
 
 def test_a_peak_of_an_outline_at_a_rigid_side_is_that_of_its_rounded_parts() -> None:

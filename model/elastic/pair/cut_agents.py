@@ -158,7 +158,7 @@ class CutAgents(PairAgents):
 
     def remarks(self, asked: Sequence[Stress | Deflection]) -> list[str]:
         """Return notes on parts that hang on nothing, and on peaks that are not well known."""
-        notes, rough, coarse, reach, mega = [], [], [], [], 1e-6 * self.scales.stress
+        notes, rough, coarse, reach, pascal = [], [], [], [], self.scales.stress
         if loose := self.opinions.loose:
             notes.append(
                 f"{loose} part{'s' * (loose > 1)} of the body without support and without load; "
@@ -184,11 +184,12 @@ class CutAgents(PairAgents):
             if (at := along.largest) is None:
                 coarse += [repr(name)] if len(along.hoop) else []
                 continue
-            peak, off = mega * float(along.hoop[at]), mega * along.apart(at)
+            peak, off = pascal * float(along.hoop[at]), pascal * along.apart(at)
             highest = int(along.von_mises.argmax())
-            reached = mega * float(along.von_mises[highest])
+            reached = pascal * float(along.von_mises[highest])
+            size, unit = (1e9, "GPa") if reached >= 1e10 else (1e6, "MPa")
             x, y = self.ground.edge * along.place[highest]
-            told = f"{reached:.4g} MPa along {name!r}, at ({x:.4g}, {y:.4g}) m"
+            told = f"{reached / size:.4g} {unit} along {name!r}, at ({x:.4g}, {y:.4g}) m"
             if name in self.ground.rigid.values():
                 reach.append(told)
                 continue
@@ -199,7 +200,8 @@ class CutAgents(PairAgents):
                 )
             # A peak that is off both fields there by more is noted.
             if off > 0.04 * abs(peak) and not sought:
-                rough.append(f"{peak:.4g} MPa at {name!r} may be off by about {off:.2g} MPa")
+                may = f"may be off by about {off / size:.2g} {unit}"
+                rough.append(f"{peak / size:.4g} {unit} at {name!r} {may}")
         if reach:
             notes.append(
                 f"von Mises reaches about {'; '.join(reach)}: where the part is glued to its "

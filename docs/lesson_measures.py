@@ -265,8 +265,16 @@ def _cracks(run: Callable[..., Any]) -> Words:
         from_middle = np.abs(place - 0.5 * network.positions.max(axis=0))
         return bool(np.linalg.norm(from_middle - [half, 0.0]) < 0.02)
 
+    def width() -> float:
+        """Return the width of the net, in centimetres."""
+        return 100.0 * float(np.ptp(run().network.positions[:, 0]))
+
     return {
         "at_the_tip": at_the_tip,
+        "width": width,
+        # the largest load for each centimetre of the width that a cut leaves
+        "per_cm": lambda page="", cut=4.0: run(page).force.max() / (width() - cut),
+        "nets": lambda name="net": [run(f"{name}-{seed}") for seed in (1, 2, 3)],
         # of all that are held only one node, below, does not slide
         "sideways_free": lambda: int(run().network.held[:, 0].sum()) == 1,
         "books": lambda: bool(np.allclose(run().work, run().stored + run().released, rtol=1e-6)),

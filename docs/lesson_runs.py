@@ -76,12 +76,12 @@ def bridge(load: int = 23, right: str = "roller", **growth: Any) -> Any:
     return kaju.GrowthModel(scene, tolerance=1e-6, **usual | growth).run()
 
 
-def torn(half: float, scatter: float = 0.1) -> Any:
-    """Pull a net with a level cut of 2 · half spacings apart, until it parts."""
-    net = jittered(15, spacing=0.01, stiffness=1e4, seed=1)
+def torn(half: float, scatter: float = 0.1, seed: int = 0, finer: int = 1) -> Any:
+    """Pull a net with a level cut of 2 · half centimetres apart, until it parts."""
+    net = jittered(14 * finer + 1, spacing=0.01 / finer, stiffness=1e4, seed=seed + 1)
     middle, reach = 0.5 * net.positions.max(axis=0), np.array([0.01 * half, 0.0])
     slit = cut(net, middle - reach, middle + reach) if half else net
-    return kaju.FractureModel(pulled(slit, displacement=1e-3), scatter=scatter, seed=0).run()
+    return kaju.FractureModel(pulled(slit, displacement=1e-3), scatter=scatter, seed=seed).run()
 
 
 def holed(across: float, along: float, cells: int = 0, tolerance: float = 0.003) -> Any:
@@ -154,6 +154,12 @@ EVIDENCE: dict[str, dict[str, Run]] = {
         "sixteenth": partial(spawned, plate(), 0.00125),
     },
     "two-wrong-answers": {"bar": partial(spawned, bar())},
+    "how-things-break": {
+        **{f"net-{seed}": partial(torn, 2.0, seed=seed) for seed in (1, 2, 3)},
+        **{f"rough-{seed}": partial(torn, 2.0, scatter=0.7, seed=seed) for seed in (1, 2, 3)},
+        "fine": partial(torn, 2.0, finer=4),
+        "fine-whole": partial(torn, 0.0, finer=4),
+    },
     "a-round-hole": {
         **{f"steps-{n}": partial(holed, 0.01, 0.01, cells=n) for n in (20, 80, 160)},
         "coarse": partial(holed, 0.01, 0.01, tolerance=0.1),

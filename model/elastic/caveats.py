@@ -162,9 +162,8 @@ def _of_outlines(result: ElasticResult) -> Iterator[str]:
     if result.cut_agents is not None:
         body = result.cut_agents.ground
         slight = body.edge * body.true.without_limit(SLIGHT, body.shape, most=KINK)
-        for x, y in slight[:1]:
-            at = f"({x:.4g}, {y:.4g}) m"
-            yield f"no limit of stress at a slight corner, {at}: does a radius not fit its ends?"
+        for at in map(_point, slight[:1]):
+            yield f"no limit of stress at a slight corner, {at} m: does a radius not fit its ends?"
     if stepped and result.scene.outlined:
         yield (
             "outlines cut cells: these count by the share of them that is body, and stress and "

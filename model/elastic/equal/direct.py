@@ -6,7 +6,6 @@ from functools import reduce
 
 import numpy as np
 import scipy.sparse as sp
-from scipy.sparse.linalg import SuperLU
 
 from kaju.arrays import Floats
 from kaju.factors import factors_of
@@ -103,7 +102,18 @@ def by_factors(problem: ElasticProblem, discretisation: float | None = None) -> 
     except RuntimeError:
         return None
     system, lost, own = System(problem, numbering), 0.0, matrix.diagonal()
-    run = _solve_direct(matrix, factors, system.right)
+    load, run = system.right, Iteration(np.asarray(factors.solve(system.right)))
+    scale = float(np.sqrt(dot(load, load))) or 1.0
+    for _ in range(3):  # two steps of iterative refinement
+        residual = load - matrix @ run.solution
+        step = np.asarray(factors.solve(residual))
+        run.residuals.append(float(np.sqrt(dot(residual, residual))) / scale)
+        energy = abs(dot(load, run.solution)) or 1.0
+        run.errors.append(float(np.sqrt(max(dot(residual, step), 0.0) / energy)))
+        if run.residuals[-1] < 1e-14:
+            break
+        run.solution += step
+    run.converged = bool(np.isfinite(run.residuals[-1]) and run.residuals[-1] < NOTEWORTHY)
     if discretisation is None:
         if not run.converged:
             return None
@@ -114,21 +124,3 @@ def by_factors(problem: ElasticProblem, discretisation: float | None = None) -> 
     solution = system.solution(run, "direct", discretisation)
     judge_rounding(system, solution, own * run.solution, lost)
     return solution
-
-
-def _solve_direct(matrix: sp.csr_array, factors: SuperLU, load: Floats) -> Iteration:
-    """Solve by factors, with two steps of iterative refinement."""
-    x = np.asarray(factors.solve(load))
-    scale = float(np.sqrt(dot(load, load))) or 1.0
-    run = Iteration(x)
-    for _ in range(3):
-        residual = load - matrix @ x
-        step = np.asarray(factors.solve(residual))
-        run.residuals.append(float(np.sqrt(dot(residual, residual))) / scale)
-        energy = abs(dot(load, x)) or 1.0
-        run.errors.append(float(np.sqrt(max(dot(residual, step), 0.0) / energy)))
-        if run.residuals[-1] < 1e-14:
-            break
-        x += step
-    run.converged = bool(np.isfinite(run.residuals[-1]) and run.residuals[-1] < NOTEWORTHY)
-    return run

@@ -35,9 +35,7 @@ LESSON = {
             "question": "What does the loaded cell keep?",
             "note": "Click it. Say **why**.",
             "lines": 2,
-            "fields": [
-                {"label": "keeps", "unit": "N", "answer": 1.0, "tolerance": 0.01, "look": "its top"}
-            ],
+            "fields": [{"label": "keeps", "unit": "N", "answer": 1.0, "tolerance": 0.01}],
             "show": {"mode": "cell", "cell": [10, 19], "generation": 1},
         },
         {"key": "why", "step": "explain", "kind": "text", "question": "Why?", "lines": 4},

@@ -71,7 +71,7 @@ function paintChart(ctx, box, { word, unit, lists, shown, names, over, now, log 
   const x = LEFT, y = head, w = box.w - LEFT, h = box.h - head - FOOT - (along ? LINE : 0);
   const map = log ? (v) => Math.log10(Math.max(v, low)) : (v) => v, from = map(low), span = map(top) - from || 1, X = (at) => x + w * (at - first) / reach, Y = (v) => y + h - h * (map(v) - from) / span;
   ctx.font = FONT; ctx.lineWidth = 1; ctx.strokeStyle = inks.hair; ctx.fillStyle = inks.soft; ctx.textAlign = "right";
-  for (const v of ticksOf(low, top, log ? 5 : 3, log)) {
+  for (const v of ticksOf(low, top, log ? 5 : Math.max(3, Math.min(6, Math.floor(h / 24))), log)) {
     ctx.beginPath(); ctx.moveTo(x, Y(v)); ctx.lineTo(x + w, Y(v)); ctx.stroke();
     ctx.fillText(short(v, log || near ? 3 : 2), x - 5, Y(v), LEFT - 6);
   }

@@ -37,9 +37,11 @@ export class Lesson {
   get told() { return this.keeps && !this.kept ? "" : this.page.t(this.keeps ? "savedHere" : "notSaved"); }
   forget() { Object.assign(this, { answers: {}, guesses: {}, firsts: {}, done: [], shown: "guess" }); this.keep(); this.open(0); }
   get question() { return this.questions[this.at]; }
-  said(text) { return text === DRAWN ? this.page.t("drawn") : text; }
-  /** All that was written to a question. */
-  own(q) { return [this.said(this.answers[q.key]) ?? []].flat().filter((text) => text.trim()).join(" · "); }
+  said(text) { return text?.replace(DRAWN, this.page.t("drawn")); }
+  /** All that was written to a question; behind numbers that are judged whether they are right. */
+  own(q) { return [this.answers[q.key] ?? []].flat().map((text, i) => text.trim() && `${this.said(text)} ${this.sign(q, i)}`.trim()).filter(Boolean).join(" · "); }
+  /** A tick or a cross for a number that was typed. */
+  sign(q, i) { return !q.fields?.[i] || q.step === "predict" || !this.answers[q.key]?.[i]?.trim() ? "" : isRight(q.fields[i], this.number(q, i)) ? "✓" : "✗"; }
   of(step) { return this.questions.filter((q) => q.step === step); }
   /** What of a question is still to be filled in or ticked, in its own words. */
   missing(q) {
@@ -291,8 +293,8 @@ function questionCards(lesson, q) {
 /** In the end, to each question: what was written, and below it what there was to see. An open one shows nothing, a guess waits for all. */
 function endCards(lesson) {
   const { page, page: { t }, questions } = lesson, open = (list) => list.find((q) => !lesson.answered(q));
-  const compared = (q) => (lesson.own(q) ? [make("p", {}, `${t("yourAnswer")}: `, make("em", { textContent: lesson.own(q) }))] : []).concat(rendered(page.say(q.answer ?? "").split("\n\n")[0]));   // what follows is for the teacher
-  const card = (q, waits) => (waits ? [button(t("openQuestion", { n: questions.indexOf(waits) + 1 }), () => lesson.go(questions.indexOf(waits)))] : compared(q));
+  const own = (q) => (lesson.own(q) ? [make("p", {}, `${t("yourAnswer")}: `, make("em", { textContent: lesson.own(q) }))] : []);
+  const card = (q, waits) => own(q).concat(waits ? button(t("openQuestion", { n: questions.indexOf(waits) + 1 }), () => lesson.go(questions.indexOf(waits))) : rendered(page.say(q.answer ?? "").split("\n\n")[0]));   // what follows is for the teacher
   return [make("h2", { className: "question", textContent: t("thereWas") }), make("p", { textContent: t("compareHow") }),
     ...questions.map((q, n) => make("section", { className: "card" }, make("h3", {}, `${n + 1}. `, ...inline(page.say(q.question))), ...card(q, open(q.step === "predict" ? questions : [q]))))];
 }
@@ -302,7 +304,8 @@ function textCard(lesson, q, i) {
   const { page, page: { t } } = lesson, given = lesson.answers[q.key], own = q.kind === "cells" ? t("surprise") : page.say(q.write), label = own || t("yourAnswer");
   const area = make("textarea", { rows: Math.min(6, q.lines ?? 3), maxLength: MOST_LETTERS, readOnly: lesson.fixed, placeholder: t(mayDraw(q) ? "drawOrSay" : "yourAnswer"), value: lesson.said(i === undefined ? given : given?.[i]) ?? "", ariaLabel: label });
   area.oninput = () => lesson.answer(q, area.value, i);
-  return [...(own ? [make("h3", {}, ...inline(own))] : []), area, ...(mayDraw(q) && !lesson.fixed ? [button(t("drawn"), () => { lesson.answer(q, DRAWN); page.rebuild(); }, { className: "small" })] : [])];
+  const add = () => { if (!area.value.includes(t("drawn"))) lesson.answer(q, [area.value.trim(), DRAWN].filter(Boolean).join(" · ")); page.rebuild(); };   // what was written stays
+  return [...(own ? [make("h3", {}, ...inline(own))] : []), area, ...(mayDraw(q) && !lesson.fixed ? [button(t("drawn"), add, { className: "small" })] : [])];
 }
 
 function numberCard(lesson, q, field, i) {
@@ -311,8 +314,8 @@ function numberCard(lesson, q, field, i) {
   const judge = () => {
     const said = judged(lesson, q, i, input.value.trim()), right = said === t("correct");
     if (said === verdict.textContent) return;
-    Object.assign(verdict, { textContent: said, className: right ? "right" : "soft" });
-    if (right) verdict.prepend(icon("tick"));
+    Object.assign(verdict, { textContent: said, className: right ? "right" : "bad" });
+    if (said) verdict.prepend(icon(right ? "tick" : "cross"));
   };
   lesson.judges.push(judge);
   input.oninput = () => lesson.answer(q, input.value, i);
@@ -331,8 +334,9 @@ function judged(lesson, q, i, text) {
   const off = Math.abs(v - field.answer), digits = text.replace(/^[^=]*=|\D*$/g, "").replace(/^[\s0.,−-]+|\D/g, "");
   if ((!q.rounds || digits.length > 1) && off < 0.4 * Math.abs(field.answer) && off <= 0.5000001 * Math.abs(v) / Number(digits)) return t("moreDigits");   // rounded well, but too far: to half a step of its last digit
   if (q.fields.some((other, j) => j !== i && isRight(other, v) && isRight(field, lesson.number(q, j)))) return t("exchanged");
+  if (unit === "%" && !/[%％]/.test(text) && isRight(field, 100 * v)) return t("notIn", { u: t("percent") });
   if (unit && [0.001, 0.01, 100, 1000].some((f) => isRight(field, f * v))) return t("checkUnit", { u: unit });
-  return t("lookAgain") + (field.look ? `: ${page.say(field.look)}` : "") + (field.tolerance > 0 && !q.rounds ? ` · ${t("within", { e: general(field.tolerance, 3) })}` : "");
+  return t("lookAgain") + (field.tolerance > 0 && !q.rounds ? ` · ${t("within", { e: `${general(field.tolerance, 3)}${unit === "%" ? ` ${t("points")}` : ""}` })}` : "");
 }
 
 function guessCards(lesson, q) {
@@ -392,7 +396,7 @@ function answerOf(page, q) {
   const { lesson, t } = page, given = lesson.answers[q.key], lines = (n) => Array.from({ length: n }, () => make("div", { className: "ruled" }));
   const written = lesson.said(q.kind === "number" ? given?.[q.fields.length] : given), text = written?.trim() ? [make("p", { className: "given", textContent: written })] : null;
   if (q.kind === "number") return [make("table", {}, make("tr", {}, ...q.fields.map((f) => make("th", {}, page.say(f.label) ?? ""))),
-    make("tr", {}, ...q.fields.map((f, i) => make("td", {}, make("em", { textContent: given?.[i] ?? "" }), ` ${page.say(f.unit) ?? ""}`)))), ...(q.draws ? [axes()] : []), ...(q.write ? [make("p", {}, ...inline(page.say(q.write)))] : []), ...(q.lines ? text ?? lines(q.lines) : [])];
+    make("tr", {}, ...q.fields.map((f, i) => make("td", {}, make("em", { textContent: given?.[i] ?? "" }), ` ${/\d\s*[^\d\s.,]+\s*$/.test(given?.[i]) ? "" : page.say(f.unit) ?? ""} ${lesson.sign(q, i)}`)))), ...(q.draws ? [axes()] : []), ...(q.write ? [make("p", {}, ...inline(page.say(q.write)))] : []), ...(q.lines ? text ?? lines(q.lines) : [])];
   if (q.draws === true) return [bodyOf(page, q), ...(text ?? lines(1))];
   if (q.kind !== "cells" || page.run.lattice?.dimension !== 2) return text ?? lines(q.lines ?? 3);
   const guess = lesson.guesses[q.key] ?? {}, first = lesson.firsts[q.key], spawned = {}, { scene, cells = page.start.cells } = page.presets[q.show?.preset ?? 0];

@@ -4,7 +4,7 @@ import { paintGrid, partOf, ticksOf } from "./charts.js";
 import { draw, make } from "./controls.js";
 import { bytesOf, Recorded, through, unpack } from "./history.js";
 import { Page } from "./page.js";
-import { colourOf, css, fillBox, fillRimmed, lineOfGround, packed, paintLegend, rgb, SHEET, View } from "./paint.js";
+import { arrow, colourOf, css, fillBox, fillRimmed, lineOfGround, packed, paintLegend, rgb, SHEET, View } from "./paint.js";
 import { general, local, quantity, roundDown } from "./words.js";
 
 const AMOUNT = /\d[\d.]*(?:e[-+]?\d+)?(?: (?:%|[GMkmµnp]?(?:Pa|J|N|m)\b))?/g;
@@ -17,7 +17,8 @@ export class MotionPage extends Page {
     this.count = parts.length / corners;
     this.fields = Object.fromEntries(Object.keys(colours).map((name) => [name, this.framesOf(columns[`value ${name}`], this.count)]));
     this.moved = moved && this.framesOf(moved, moved.length / (along === "share" ? 1 : at.length));
-    this.pulls = held.some((i) => this.moved?.at(-1).subarray(i * dimension, (i + 1) * dimension).some(Boolean));   // nodes that are held, and moved
+    const [first] = this.moved?.slice(1) ?? [], far = (i) => (first ? Math.hypot(...first.subarray(i * dimension, (i + 1) * dimension)) : 0), most = Math.max(...[...held].map(far));
+    this.pulled = new Set([...held].filter((i) => most && far(i) > 0.5 * most));   // nodes that are held, and moved: others at most slide
     this.each = moved ? dimension * points.length / this.moved[0].length : 0;   // numbers in points to one displacement
     this.look.colour = lesson && "level" in colours ? "level" : Object.keys(colours)[0] ?? "";   // a lesson asks first who is there
     this.curveList = curves;
@@ -143,7 +144,7 @@ export class MotionPage extends Page {
     }
     if (scale && !(this.lesson?.step === "step" && this.g === 0 && look.colour !== "density")) paintLegend(view, scale, this.word(look.colour), this.kindOf(scale), (v) => quantity(v, this.unitOf(look.colour), scale.log ? 0 : scale.high), inks);
     const level = this.visits[this.g], block = Array(this.dimension).fill(2 ** level).join("×");
-    this.parts.cap.textContent = this.told || [level > 0 && t("parents", { n: block }), this.times && Math.abs(this.times - 1) > 1e-9 && t("magnified", { n: quantity(this.times, "") }), this.lesson && t("measures", { s: this.sides.map((side) => quantity(Number(side.toPrecision(3)), "m")).join(" × ") }), this.lesson && this.corners === 2 && t(this.pulls ? "pulledMark" : "heldMark"), this.breaking.length > 0 && t("breaksNow"), this.lesson && this.breaking.length > 0 && this.g === this.run.generation && this.parts.verdict.textContent].filter(Boolean).join(" · ");
+    this.parts.cap.textContent = this.told || [level > 0 && t("parents", { n: block }), this.times && Math.abs(this.times - 1) > 1e-9 && t("magnified", { n: quantity(this.times, "") }), this.lesson && t("measures", { s: this.sides.map((side) => quantity(Number(side.toPrecision(3)), "m")).join(" × ") }), this.lesson && this.corners === 2 && t(this.pulled.size ? "pulledMark" : "heldMark"), this.breaking.length > 0 && t("breaksNow"), this.lesson && this.breaking.length > 0 && this.g === this.run.generation && this.parts.verdict.textContent].filter(Boolean).join(" · ");
   }
   placesOf(part) { return Array.from({ length: this.corners }, (_, i) => this.where(this.parts[part * this.corners + i])); }
   middle(part) {
@@ -210,6 +211,12 @@ export class MotionPage extends Page {
       if (fixed.has(i)) ctx.rect(x - radius - 2, y - radius - 2, 2 * radius + 4, 2 * radius + 4); else ctx.arc(x, y, radius, 0, 7);
       ctx.fill();
     }
+    ctx.strokeStyle = inks.load; ctx.lineWidth = 2; ctx.beginPath();   // which way is pulled; aside they may slide
+    for (const i of this.pulled) {
+      const [x, y] = view.point(this.where(i)), [dx, dy] = this.moved[1].subarray(i * dimension), level = Math.abs(dx) > Math.abs(dy);
+      arrow(ctx, x, y, level ? 16 * Math.sign(dx) : 0, level ? 0 : -16 * Math.sign(dy), 6);
+    }
+    ctx.stroke();
   }
   words() {
     this.parts.cap.classList.toggle("wide", !this.whole.length);   // no arrow stands beside it

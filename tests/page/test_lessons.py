@@ -171,9 +171,10 @@ def test_a_drawing_is_a_guess_and_a_number_rounded_well_is_nearly_right(opened, 
     page = opened(*make_pages.make_lesson(lesson("arching"), tmp_path))
     page.press("Next: Step")
     assert page.text(".saved").startswith("Draw it on paper and press")
-    page.press("Drawn on paper")
+    page.tab.get_by_role("textbox").fill("Above")
+    page.press("Drawn on paper")  # what was typed stays
     page.press("Next: Step")
-    assert page.text(".recalled").startswith("You guessed: Drawn on paper")
+    assert page.text(".recalled").startswith("You guessed: Above · Drawn on paper")
     field = page.tab.locator("input.field").nth(2)
     told = {"14.6": "correct", "15": "rounded too far: give more digits", "14.2": "look again"}
     told |= {"1460": "check the unit: is it in N?", "146": "look again · right within ± "}

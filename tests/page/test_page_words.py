@@ -41,6 +41,12 @@ def test_every_language_has_every_word_and_its_gaps(file):
             assert theirs == holes, (language, key)
 
 
+def test_a_force_times_a_length_is_typed_as_work(node):
+    ask = 'import { numberOf } from "./controls.js"; tell(data.map((text) => numberOf(text, "mJ")))'
+    told = node(ask, ["14 N·mm", "1,4 kN · µm", "2 Nm", "3 mJ", "4 mN", "5 kN"])
+    assert told == [pytest.approx(14), pytest.approx(1.4), pytest.approx(2000), 3, None, None]
+
+
 def test_a_logarithmic_axis_has_several_ticks(node):
     ask = 'import { ticksOf } from "./charts.js"; tell(data.map((d) => ticksOf(...d, 5, true)))'
     told = node(ask, [[0.8, 19.0], [1e-5, 1.0], [0.011, 0.019]])

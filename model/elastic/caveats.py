@@ -44,9 +44,11 @@ def refuse_singular(scene: Scene, goals: Iterable[Quantity], name: str = "goal")
             )
 
 
-def is_stepped(grid: Scene) -> bool:
-    """Tell whether cells make steps of an outline, or a surface, that is not along the axes."""
-    lattice, regions = grid.lattice, enumerate(grid.body.regions)
+def is_stepped(result: ElasticResult) -> bool:
+    """Whether curved or slanted outlines are steps of cells, or cut cells that count whole."""
+    if result.found.storage == "solid":
+        return bool(np.any(result.stiffness < 1.0))
+    lattice, regions = result.grid.lattice, enumerate(result.grid.body.regions)
     # Pixels lie along the axes.
     shapes = [
         region.shape_in(lattice, f"body.regions.{number}")

@@ -354,13 +354,7 @@ class ElasticResult(BodyResult):
         asked = self.scene.notes_on(self.max_displacement, peak.value, kind)
         return tuple(dict.fromkeys((*ours, *asked)))
 
-    @cached_property
-    def stepped(self) -> bool:
-        """Whether curved or slanted outlines are steps of cells, or cut cells that count whole."""
-        if self.found.storage == "solid":
-            return bool(np.any(self.stiffness < 1.0))
-        return is_stepped(self.grid)
-
+    stepped = cached_property(is_stepped)
     caveats = cached_property(caveats_of)
     intensity = intensity
 

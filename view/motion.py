@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kaju.arrays import Floats, Ints
-from kaju.model.elastic.caveats import is_stepped
 from kaju.model.elastic.elastic_result import ElasticResult
 from kaju.model.results.mesh import corner_order
 from kaju.model.results.result import BodyResult, Curves, solved_scene
@@ -340,7 +339,7 @@ def _opinions(result: ElasticResult) -> dict[str, tuple[str, Floats]]:
 
 def _stress_of(result: ElasticResult) -> str:
     """Return the largest stress, and some corners at which it has no limit: steps all have none."""
-    plane = result.lower.shape[1] == 2 and not is_stepped(result.grid)
+    plane = result.lower.shape[1] == 2 and not result.stepped
     corners = result.sharp_corners.tolist() if plane else []
     at = [f"({', '.join(quantity(x, 'm') for x in corner)})" for corner in corners[:3]]
     no_limit = f"; stress at corners, without limit: {', '.join(at)}{', …' * (len(corners) > 3)}"

@@ -52,9 +52,8 @@ def of_a_scene(ending: str) -> Callable[[Callable[..., Result]], Callable[..., N
             drawn = options.Drawn.none if no_pictures else pictures
             try:
                 with options.scene_of(scene, settings) as described:
-                    # A goal's mistakes are told before those of the folder; in space none is cut.
                     if (goal := own.get("goal")) and described.lattice.dimension == 2:
-                        from kaju.model.elastic.solve import spawner_of
+                        from kaju.model.elastic.solve import spawner_of  # mistakes first
 
                         spawner_of(described, 0.5, None, None, options.goals_of(goal))
                     target = Folder(out or Path(f"{name}-{ending}"), force)

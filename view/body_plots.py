@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PolyCollection
-from matplotlib.patches import Patch
+from matplotlib.patches import Patch, PathPatch
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
@@ -167,7 +167,10 @@ def draw_body(
         look: dict[str, Any] = {"facecolors": colour, "hatch": hatch or None, "zorder": 1}
         look |= {"edgecolors": "#b5b5b5" if hatch else edge, "antialiased": separate}
         look["linewidths"] = 0.4 if separate else 0.0
-        style.add_polygons(ax, corners, f"material {material.name}", **look)
+        drawn = style.add_polygons(ax, corners, f"material {material.name}", **look)
+        if section.curves is not None:  # whose edges cells reach beyond, or do not reach
+            section.curves.clip(drawn)
+            ax.add_patch(PathPatch(section.curves.path(), fc=BODY[0], lw=0.0, zorder=0.9))
         entries.append(Patch(fc=colour, ec="#9a9a9a", hatch=hatch, label=material.name))
     entries += _draw_supports(ax, section, tiles, kind)
     if section.curves is not None and np.isfinite(pins := section.curves.pins).any():

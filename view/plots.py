@@ -34,7 +34,7 @@ def plot_scene(
     if isinstance(subject, Scene) and subject.outlined and subject.lattice.dimension == 2:
         from kaju.model.study.solving import solve
 
-        subject = solve(subject, 0.9)  # a few agents know what outlines leave of the body
+        subject = solve(subject, 0.3)  # a few agents know what outlines leave of the body
     if getattr(subject, "cut_agents", None):
         section = layer_of(subject, crop=False)
     else:

@@ -80,11 +80,15 @@ class TrueLines(NamedTuple):
     asked: Scene  # the body that was described, with its loads
     pins: Floats  # the points (m) about which pinned regions turn; NaN of others, shape (n, 2)
 
+    def path(self, factor: float = 0.0) -> Path:
+        """Return what holds the body, moved times a factor."""
+        paths = [Path(ring + factor * moved, closed=True) for ring, moved in self.rings]
+        return Path.make_compound_path(*paths)
+
     def clip(self, drawn: PolyCollection, factor: float = 0.0) -> None:
         """Show of what is drawn what lies within the body, moved times a factor."""
-        paths = [Path(ring + factor * moved, closed=True) for ring, moved in self.rings]
         assert drawn.axes is not None
-        drawn.set_clip_path(Path.make_compound_path(*paths), drawn.axes.transData)
+        drawn.set_clip_path(self.path(factor), drawn.axes.transData)
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from matplotlib.collections import PolyCollection
 from matplotlib.text import Text
 
 import kaju
@@ -224,7 +225,12 @@ def test_a_scene_with_true_outlines_survives_its_file_and_its_archive(tmp_path: 
     assert loaded.summary() == answer.summary()
     assert np.array_equal(loaded.outline_stress("bore")[1], answer.outline_stress("bore")[1])
     assert len(kaju.plot(answer).axes) == 2
-    assert any(text.get_text() == "The scene" for text in kaju.plot(scene).findobj(Text))
+    drawn = kaju.plot(scene)
+    assert any(text.get_text() == "The scene" for text in drawn.findobj(Text))
+    (steel,) = (
+        cells for cells in drawn.findobj(PolyCollection) if "material" in str(cells.get_gid())
+    )
+    assert steel.get_clip_path() is not None  # cells reach beyond the ring
 
 
 @pytest.mark.parametrize(

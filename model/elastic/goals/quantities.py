@@ -199,8 +199,8 @@ def quantities_of(goal: AskedFor) -> tuple[Quantity, ...]:
         return (goal,)
     if isinstance(goal, str) and "," in goal:  # "top,y"
         at, _, last = goal.rpartition(",")
-        if last in (*AXES, VON_MISES):
-            return (Stress(at, last) if last == VON_MISES else Deflection(at, last),)
+        if last in (*AXES, VON_MISES, HOOP):
+            return (Deflection(at, last) if last in AXES else Stress(at, last),)
     if isinstance(goal, (str, Mapping)) or is_point(goal):
         return (Deflection(goal),)  # type: ignore[arg-type]
     if isinstance(goal, (Sequence, np.ndarray)) and len(goal):

@@ -68,7 +68,7 @@ def goals_asked(scene: Scene, goal: AskedFor | None) -> list[Stress | Deflection
     elif at in named:
         wrong = f"no load acts on {at!r}, so only its stress can be one: {at!r} alone"
     else:
-        every = [*named, *moves]
+        every = [*dict.fromkeys([*named, *moves])]
         near = suggestion(at, [*every, *(f"{one},{VON_MISES}" for one in named)])
         wrong = f"there is no outline {at!r}{near}; there is {', '.join(every)}"
     raise ParameterError(f"goal: {wrong}")

@@ -152,7 +152,7 @@ def make_lesson(of: Lesson, folder: Path) -> list[Path]:
 
 def asked_for(of: Lesson, page: str) -> int:
     """Return the first question that links to a page, or the first that lets readers try."""
-    asked = (f"{q.asks}{q.note}{q.hint}" for q in of.texts["en"].questions)
+    asked = (f"{q.asks}{q.note}{q.hint}{q.write}" for q in of.texts["en"].questions)
     tries = [kind["step"] for kind in of.kinds].index("try")
     return next((n for n, text in enumerate(asked) if f"({page})" in text), tries)
 

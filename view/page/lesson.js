@@ -335,7 +335,7 @@ function judged(lesson, q, i, text) {
   if ((!q.rounds || digits.length > 1) && off < 0.4 * Math.abs(field.answer) && off <= 0.5000001 * Math.abs(v) / Number(digits)) return t("moreDigits");   // rounded well, but too far: to half a step of its last digit
   if (q.fields.some((other, j) => j !== i && isRight(other, v) && isRight(field, lesson.number(q, j)))) return t("exchanged");
   if (unit === "%" && !/[%％]/.test(text) && isRight(field, 100 * v)) return t("notIn", { u: t("percent") });
-  if (unit && [0.001, 0.01, 100, 1000].some((f) => isRight(field, f * v))) return t("checkUnit", { u: unit });
+  if (unit && field.answer && [0.001, 1000, ...(unit.includes("cm") ? [0.01, 100] : [])].some((f) => isRight(field, f * v))) return t("checkUnit", { u: unit });
   return t("lookAgain") + (field.tolerance > 0 && !q.rounds ? ` · ${t("within", { e: `${general(field.tolerance, 3)}${unit === "%" ? ` ${t("points")}` : ""}` })}` : "");
 }
 

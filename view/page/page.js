@@ -303,7 +303,7 @@ export class Page {
     if (this.picked >= 0) paintPick(view, L.cell(this.picked), inks);
     if (part.window) view.ctx.clearRect(0, view.h - 52, view.w, 52);
     if (!box.w && (!this.lesson || this.g > 0)) paintLegend(view, scale, this.word(look.colour), this.kindOf(scale), (v) => quantity(v, UNITS[look.colour], scale.log ? 0 : scale.high), inks);
-    const scaled = moved ? t("magnified", { n: quantity(factor, "") }) : run.grown && this.g >= run.generation ? t("grown") : run.atRest && !run.generation ? t("nothing") : look.colour === "taken" && (this.lesson || this.picked >= 0) && !box.w && this.canvas.clientWidth > 520 && values.some((v) => v > 1.001 * run.applied) ? t("takenMore") : "";
+    const scaled = moved ? t("magnified", { n: quantity(factor, "") }) : run.grown && this.g >= run.generation ? t("grown") : run.atRest && !run.generation ? t("nothing") : look.colour === "taken" && this.picked >= 0 && !box.w && this.canvas.clientWidth > 520 && values.some((v) => v > 1.001 * run.applied) ? t("takenMore") : "";
     const ruled = this.deformable && !box.w && moved ? t("keepsNone") : "";   // beside cuts a card says so
     const sensed = look.arrows && !box.w && run.C > L.D ? t("arrowKey") : "";
     const read = this.picked >= 0 && storyOf(this, this.picked), took = read ? `(${read.cell.join(", ")}): ${t("took")} ${quantity(read.total, "N")}` : "", asked = this.lesson?.question?.show?.rule ? `${t("agents")}: ${run.alive[this.g - 1] ?? 0}` : "";   // on a phone the panel is a long way down

@@ -257,7 +257,7 @@ class Scene(Description):
         size, cell = np.array(self.lattice.extent), self.lattice.cell_size
         plain = [getattr(one.shape, "in_pixels", False) for one in self._resolved.regions]
         if any(plain):
-            yield f"body.regions.{plain.index(True)}.path: {PIXELS}"
+            yield f"body.regions.{plain.index(True)}.path: {PIXELS}; or is it meant so?"
         for number, filled in enumerate(self._resolved.regions):
             shape, where, told = filled.shape, f"body.regions.{number}", ""
             (low, high), surface = shape.extent, isinstance(shape, ClosedSurface)

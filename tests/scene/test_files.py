@@ -224,7 +224,8 @@ def test_a_drawing_without_a_unit_is_told_to_be_in_pixels(tmp_path):
     told = [drawn(tmp_path, RECT, page).notes for page in (PAGE, pixels)]
     again = {"file": str(tmp_path / "drawing.svg")}  # which is told once for all regions
     told.append(drawn(tmp_path, RECT, pixels).with_region(path=again).notes)
-    assert ["".join(notes).count("pixels of 1/96 inch") for notes in told] == [0, 1, 1]
+    assert ["".join(notes).count("inch; give its") for notes in told] == [0, 1, 1]
+    assert told[1][-1].endswith("?")  # so that check says that a note asks
     told = r"(lies outside|is air, not body).* 1/96 inch; give its <svg> a width"
     for inner, load in (('<rect x="900" width="9" height="9"/>', []), (RECT, [POINT])):
         with pytest.raises(SceneError, match=told):

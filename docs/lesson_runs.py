@@ -138,6 +138,8 @@ PAGES: dict[str, dict[str, Run]] = {
         "short": partial(torn, 1.0),
         "long": partial(torn, 4.0),
         "whole": partial(torn, 0.0),
+        "fine": partial(torn, 2.0, finer=2),
+        "fine-whole": partial(torn, 0.0, finer=2),
         "rough": partial(torn, 2.0, scatter=0.7),
     },
     "a-round-hole": {
@@ -157,8 +159,7 @@ EVIDENCE: dict[str, dict[str, Run]] = {
     "how-things-break": {
         **{f"net-{seed}": partial(torn, 2.0, seed=seed) for seed in (1, 2, 3)},
         **{f"rough-{seed}": partial(torn, 2.0, scatter=0.7, seed=seed) for seed in (1, 2, 3)},
-        "fine": partial(torn, 2.0, finer=4),
-        "fine-whole": partial(torn, 0.0, finer=4),
+        **{f"fine-{seed}": partial(torn, 2.0, seed=seed, finer=2) for seed in (1, 2, 3)},
     },
     "a-round-hole": {
         **{f"steps-{n}": partial(holed, 0.01, 0.01, cells=n) for n in (20, 80, 160)},

@@ -154,12 +154,13 @@ def test_a_guess_is_not_judged_and_what_a_question_looks_at_is_there(opened, tmp
     page.tab.reload()  # it opens where the reader was, in the language chosen
     page.until("page?.drawn && page.lesson.step === 'step' && page.lesson.done[0] === 'predict'")
     assert page.js("page.language") == "de"
-    shorter = make_pages.make_lesson(lesson("how-things-break"), tmp_path)[1]
-    page = opened(shorter, language="de-DE")  # it opens where it is asked for, at rest
-    assert page.text("h1") == "Ein halb so langer Schnitt · Wie Dinge brechen"
+    made = make_pages.make_lesson(lesson("how-things-break"), tmp_path)
+    (finer,) = (file for file in made if file.stem.endswith("break-fine"))
+    page = opened(finer, language="de-DE")  # it opens where it is asked for, at rest
+    assert page.text("h1") == "Ein doppelt so feines Netz mit dem Schnitt · Wie Dinge brechen"
     assert page.js("[page.lesson.step, page.g === 0]") == ["explain", True]
-    assert make_pages.asked_for(lesson("how-things-break"), "how-things-break-whole.html") == 2
-    assert page.text("a[aria-current]") == "kürzeren"  # this page
+    assert make_pages.asked_for(lesson("how-things-break"), "how-things-break-fine-whole.html") == 2
+    assert page.text("a[aria-current]") == "mit dem Schnitt"  # this page
     assert page.text(".recalled").startswith("Du hast noch nicht vermutet: Beginne mit")
     page.js("(page.lesson.answers.warning = ['2 cm'], page.lesson.open(3))")
     assert "bitte in Federn" in page.text("aside .flow")

@@ -160,6 +160,7 @@ EVIDENCE: dict[str, dict[str, Run]] = {
         **{f"net-{seed}": partial(torn, 2.0, seed=seed) for seed in (1, 2, 3)},
         **{f"rough-{seed}": partial(torn, 2.0, scatter=0.7, seed=seed) for seed in (1, 2, 3)},
         **{f"fine-{seed}": partial(torn, 2.0, seed=seed, finer=2) for seed in (1, 2, 3)},
+        **{f"fine-whole-{seed}": partial(torn, 0.0, seed=seed, finer=2) for seed in (1, 2, 3)},
     },
     "a-round-hole": {
         **{f"steps-{n}": partial(holed, 0.01, 0.01, cells=n) for n in (20, 80, 160)},

@@ -46,13 +46,12 @@ def check(scene: SceneFile, settings: Settings = None, as_json: Json = False) ->
             found = stability(described)
             radius, bounds = found.spectral_radius, [found.lower, found.upper]
             growth = f"{radius:.4g}" if radius is not None else "{:.4g} to {:.4g}".format(*bounds)
-            words, blank = found.verdict, 9 * " "
+            words, gap = found.verdict, 9 * " "
             console.say(
                 f"verdict  {words}",
-                f"{blank}of each load at most {found.largest_share:.4g} is passed on in one piece",
-                f"{blank}if loads that meet were added: {growth} times as much a generation",
-                f"{blank}by the rule, as in kaju run; kaju solve takes the law of elasticity "
-                "instead",
+                f"{gap}of each load at most {found.largest_share:.4g} is passed on in one piece",
+                f"{gap}if loads that meet were added: {growth} times as much a generation",
+                f"{gap}by the rule, as in kaju run; kaju solve takes the law of elasticity instead",
             )
             told |= {"stable": found.stable, "largest_share": found.largest_share}
             told |= {"spectral_radius": radius, "spectral_radius_bounds": bounds}

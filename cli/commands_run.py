@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from kaju.errors import ConvergenceError, require
+from kaju.errors import ConvergenceError, KajuError, require
 from kaju.stepping import NOTE
 
 from . import options
@@ -52,11 +52,14 @@ def of_a_scene(ending: str) -> Callable[[Callable[..., Result]], Callable[..., N
             drawn = options.Drawn.none if no_pictures else pictures
             try:
                 with options.scene_of(scene, settings) as described:
-                    if (goal := own.get("goal")) and described.lattice.dimension == 2:
-                        from kaju.model.elastic.solve import spawner_of  # mistakes first
+                    try:
+                        target = Folder(out or Path(f"{name}-{ending}"), force)
+                    except KajuError:
+                        if (goal := own.get("goal")) and described.lattice.dimension == 2:
+                            from kaju.model.elastic.solve import spawner_of  # its mistake first
 
-                        spawner_of(described, 0.5, None, None, options.goals_of(goal))
-                    target = Folder(out or Path(f"{name}-{ending}"), force)
+                            spawner_of(described, 0.5, None, None, options.goals_of(goal))
+                        raise
                     result = do(described, console.say, **own)
             except KeyboardInterrupt as stop:
                 best = options.best_of(stop, Result)

@@ -147,8 +147,8 @@ def text_of(value: object, unit: str = "", named: bool = False, beside: Sequence
     if isinstance(value, int):
         return grouped(value)
     if isinstance(value, float):
-        told = quantity(value, unit) if unit else f"{value:.4g}"
-        return f"{value:.4g} m" if unit == "length" else told
+        plain = {"": "", "length": " m"}.get(unit)
+        return quantity(value, unit) if plain is None else f"{value:.4g}{plain}"
     if isinstance(value, (list, tuple)):
         numbers = [abs(part) for part in (*value, *beside) if isinstance(part, float)]
         least = 1e-5 * max(numbers, default=0.0)  # nothing beside four digits of the largest

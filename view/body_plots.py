@@ -158,6 +158,8 @@ def draw_body(
     across = int((section.upper - section.lower).max()) // section.block
     separate = across <= 90
     edge = LINE if separate else "none"
+    if filled and section.curves is not None:  # whose edges cells reach beyond, or do not reach
+        ax.add_patch(PathPatch(section.curves.path(), fc=BODY[0], lw=0.0, zorder=0.9))
     for number, material in enumerate(section.scene.cell_materials if filled else ()):
         chosen = kind == number
         if not chosen.any():
@@ -168,9 +170,8 @@ def draw_body(
         look |= {"edgecolors": "#b5b5b5" if hatch else edge, "antialiased": separate}
         look["linewidths"] = 0.4 if separate else 0.0
         drawn = style.add_polygons(ax, corners, f"material {material.name}", **look)
-        if section.curves is not None:  # whose edges cells reach beyond, or do not reach
+        if section.curves is not None:
             section.curves.clip(drawn)
-            ax.add_patch(PathPatch(section.curves.path(), fc=BODY[0], lw=0.0, zorder=0.9))
         entries.append(Patch(fc=colour, ec="#9a9a9a", hatch=hatch, label=material.name))
     entries += _draw_supports(ax, section, tiles, kind)
     if section.curves is not None and np.isfinite(pins := section.curves.pins).any():

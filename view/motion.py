@@ -361,11 +361,12 @@ def growth_steps(result: GrowthResult) -> Motion:
     """Return densities step by step, also with the sign of pull or push."""
     lattice = result.scene.lattice
     corners = lattice.cell_size * (corner_order(lattice.dimension) - 0.5)
-    density = _steps_of(result.designs, 256)
-    pull = np.where(result.pulled, density, -density)
+    steps = evenly(result.steps + 1, MOST_FRAMES)
+    density = _steps_of(result.designs[steps], 256)
+    pull = np.where(result.pulled[steps], density, -density)
     return Motion(
         **_apart(lattice.centres(np.argwhere(result.body))[:, None] + corners),
-        at=np.arange(result.steps + 1.0),
+        at=steps.astype(float),
         along="step",
         values={"density": ("", density), "pull": ("", pull)},
         curves=growth_curves(result),

@@ -7,7 +7,7 @@ key, the rule it breaks, the value that was given, the place, and what to do abo
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator
 from contextlib import contextmanager
 from difflib import get_close_matches
 from functools import wraps
@@ -167,9 +167,8 @@ def suggestion(name: str, known: Iterable[str], cutoff: float = 0.6) -> str:
     return f" (did you mean {near[0]!r}?)" if near else ""
 
 
-def no_such(what: str, name: object, known: Iterable[str]) -> str:
+def no_such(what: str, name: object, known: Collection[str]) -> str:
     """Return "there is no side 'tpo' (did you mean 'top'?); there is left, right …"."""
-    known = list(known)
     near = suggestion(str(name), known)
     return f"there is no {what}{near}; there is {', '.join(known) or 'none'}"
 

@@ -140,5 +140,4 @@ def fetch(entry: str) -> Any:
 
 def html_in_notebook(of: Any) -> str:
     """Return what a notebook shows of a scene, a model or a result: a picture, or the page."""
-    html: str = fetch("view.page.export:html_of")(of)
-    return html
+    return str(fetch("view.page.export:html_of")(of))

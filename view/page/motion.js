@@ -5,7 +5,7 @@ import { draw, make } from "./controls.js";
 import { bytesOf, Recorded, through, unpack } from "./history.js";
 import { Page } from "./page.js";
 import { arrow, colourOf, css, fillBox, fillRimmed, lineOfGround, packed, paintLegend, rgb, SHEET, View } from "./paint.js";
-import { general, local, quantity, roundDown } from "./words.js";
+import { general, largest, local, quantity, roundDown } from "./words.js";
 
 const AMOUNT = /\d[\d.]*(?:e[-+]?\d+)?(?: (?:%|[GMkmµnp]?(?:Pa|J|N|m)\b))?/g;
 const SHOWN = 0.066;                           // of the body: its largest displacement, magnified
@@ -241,8 +241,8 @@ export class MotionPage extends Page {
     box.hidden = !curveList.length;
     if (!box.isConnected) return;
     const { lesson } = this, seen = this.seen = Math.max(this.seen ?? 0, g), limit = !lesson || lesson.teacher ? Infinity : at[seen];   // what a lesson lets read is played first
-    const list = lesson?.curves ? lesson.curves.flatMap((name) => curveList.find(({ title }) => title.startsWith(name)) ?? []) : curveList.slice(0, 6), most = (list) => Math.max(...list.map(Math.abs)), shown = (lines, all = Object.entries(lines)) => all.filter(([, list]) => all.length < 4 || most(list) > 0.01 * Math.max(...Object.values(lines).map(most)));   // of many, those that are not nothing
-    if (g && lesson && this.canvas.clientWidth < 520) this.parts.cap.textContent = list.filter(({ place }) => !place).map(({ title, unit, at: over, lines }) => `${named(title)}: ${Object.values(lines).map((line) => quantity(line[over.findIndex((v) => v >= at[g])], unit, most(line))).join(", ")}`).concat(this.picked >= 0 && this.there(this.picked) ? `${this.word(this.look.colour)} ${quantity(this.value(this.picked), this.unitOf(this.look.colour))}` : [], this.breaking.length && g === this.run.generation ? this.parts.verdict.textContent : []).join(" · ");   // on a phone the charts, and what was clicked, are a long way down
+    const list = lesson?.curves ? lesson.curves.flatMap((name) => curveList.find(({ title }) => title.startsWith(name)) ?? []) : curveList.slice(0, 6), shown = (lines, all = Object.entries(lines)) => all.filter(([, list]) => all.length < 4 || largest(list) > 0.01 * Math.max(...Object.values(lines).map(largest)));   // of many, those that are not nothing
+    if (g && lesson && this.canvas.clientWidth < 520) this.parts.cap.textContent = list.filter(({ place }) => !place).map(({ title, unit, at: over, lines }) => `${named(title)}: ${Object.values(lines).map((line) => quantity(line[over.findIndex((v) => v >= at[g])], unit, largest(line))).join(", ")}`).concat(this.picked >= 0 && this.there(this.picked) ? `${this.word(this.look.colour)} ${quantity(this.value(this.picked), this.unitOf(this.look.colour))}` : [], this.breaking.length && g === this.run.generation ? this.parts.verdict.textContent : []).join(" · ");   // on a phone the charts, and what was clicked, are a long way down
     paintGrid(box, list.map(({ title, unit, at: over, axis, lines, logarithmic, course, bars, place }) =>
       ({ word: named(title), unit, over, lists: shown(lines).map(([, list]) => list), names: shown(lines).map(([name]) => named(name)), now: place ? null : at[g], log: logarithmic, course, bars, axis, along: place || course ? "" : this.way, end: place || course ? 0 : at.at(-1), limit: place && limit < at.at(-1) ? -Infinity : limit })), inks);
   }

@@ -10,7 +10,7 @@ import { Loads } from "./loads.js";
 import { Workshop } from "./agent.js";
 import { follow, Past } from "./state.js";
 import { storyOf, tellStory } from "./cell.js";
-import { chosenLanguage, LANGUAGES, quantity, roundDown, say, verdictOf } from "./words.js";
+import { chosenLanguage, LANGUAGES, largest, quantity, roundDown, say, verdictOf } from "./words.js";
 import { buildAside, buildBar, buildFooter, buildHeader, buildTries, modeCards, showKeys, tellMarks } from "./panels.js";
 
 const UNITS = { taken: "N", now: "N", kept: "N", stress: "Pa", move: "m", spawn: "", density: "" };
@@ -253,7 +253,7 @@ export class Page {
     if (!this.scales.has(colour)) {
       const keep = this.g, { value, n } = this.run.taken;
       this.goTo(Infinity);
-      const high = largestOf(colour === "now" ? value.subarray(0, n) : this.values(colour));
+      const high = largest(colour === "now" ? value.subarray(0, n) : this.values(colour));
       this.goTo(keep);
       const log = ["taken", "now", "kept", "stress"].includes(colour);
       this.scales.set(colour, { high: high || 1, low: log ? Math.max((high > 1e6 * this.run.applied ? 1e-12 : 1e-4) * high, Math.min(0.1 * high, colour === "taken" ? this.scene.rule.threshold ?? 0 : 0)) || 1e-4 : colour === "spawn" ? 1 : 0, log });
@@ -492,7 +492,6 @@ export class Page {
 }
 
 const size = (components, k) => Math.hypot(...components.map((u) => u[k]));
-const largestOf = (values) => values.reduce((top, x) => (x > top ? x : top), 0);   // of those that are numbers
 
 /** What everybody tries: presets for a scene that brings none. */
 function usual(scene) {

@@ -6,10 +6,9 @@ import { cornersOf } from "./deformation.js";
 import { RIGID, ROLLER } from "./lattice.js";
 import { FONT, paintCells, paintLegend, paintNumbers, paintPick, paintWord, View } from "./paint.js";
 import { hand } from "./scene.js";
-import { general, quantity, roundDown } from "./words.js";
+import { general, largest, quantity, roundDown } from "./words.js";
 
 const NOTHING = 1 / 400, SHADES = 4;              // of a scale: what looks like nothing; steps of a difference below and above it
-const largest = (values) => values.reduce((top, v) => (Math.abs(v) > top ? Math.abs(v) : top), 0);   // of what is known: NaN is no body
 const settings = ({ look }) => (look.twin?.layout ? look.twin : (look.twin = { show: "along", layout: "swipe", split: null, ruler: null, ...look.twin }));   // a lesson names some
 
 /** Both answers at this generation, and the ends and the magnification that both are drawn with. */

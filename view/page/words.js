@@ -9,6 +9,7 @@ export const chosenLanguage = (now) => { try { if (now) localStorage.setItem("ka
 let comma = false;                             // decimal, as German writes it
 export const local = (number) => (comma ? number.replaceAll(".", ",") : number);
 export const roundDown = (x) => { const p = 10 ** Math.floor(Math.log10(x) + 1e-12); return Number((p * [5, 2, 1].find((d) => d * p <= x * (1 + 1e-12))).toPrecision(1)); };   // to 1, 2, 5, 10 ...
+export const largest = (values) => values.reduce((top, v) => (Math.abs(v) > top ? Math.abs(v) : top), 0);   // by size, of those that are numbers
 
 export const say = (language) => {
   comma = language === "de";

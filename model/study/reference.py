@@ -7,15 +7,19 @@ between its points and never guesses.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, ClassVar
+from functools import cached_property
+from typing import TYPE_CHECKING, Annotated, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kaju.arrays import Flags, Floats, Ints, nearest, without_rows
+from kaju.arrays import Flags, Floats, Ints, without_rows
 from kaju.errors import ParameterError, ResultError, brief, require
 from kaju.model.results.archive import Stored
 from kaju.model.results.stored import Column
+
+if TYPE_CHECKING:
+    from scipy.spatial import cKDTree
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,13 +98,19 @@ class Reference(Stored):
         """Tell which points (m) it knows."""
         return self._rows(points) >= 0
 
+    @cached_property
+    def _tree(self) -> cKDTree:
+        from scipy.spatial import cKDTree
+
+        return cKDTree(self.points)  # built once: a fit asks for the same points hundreds of times
+
     def _rows(self, points: ArrayLike) -> Ints:
         """Return the row of every point, -1 where nothing is known."""
         found = np.asarray(points, dtype=np.float64)
         if found.ndim != 2 or found.shape[1] != self.dimension:
             raise ResultError(f"points: must have shape (n, {self.dimension}), got {found.shape}")
         reach = 1e-7 * float(np.ptp(self.points, axis=0).max(initial=0.0))
-        distance, row = nearest(self.points, found)
+        distance, row = self._tree.query(found)
         return np.where(distance <= reach, row, -1).astype(np.int64)
 
     def displacement_at(self, points: ArrayLike) -> Floats:

@@ -248,6 +248,8 @@ def _noodle(run: Callable[..., Any]) -> Words:
 def _bridges(run: Callable[..., Any]) -> Words:
     return {
         "compliance": lambda page="", step=-1: float(1e3 * run(page).compliances[step]),  # mJ
+        # the first step after which it is so many times as stiff as at the start
+        "stiffer": lambda times: int(np.argmax(run().compliances <= run().compliances[0] / times)),
         # the share of the steel, in per cent, that is in cells at least 95 % full
         "full": lambda page="": (
             100 * float(np.average(run(page).cells > 0.95, weights=run(page).cells))

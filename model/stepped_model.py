@@ -82,7 +82,7 @@ class SteppedModel(Model):
             finally:
                 self._stepping = False
             if self._own_collector:
-                self.datacollector.collect(self)
+                _collect(self.datacollector, self)
             else:  # Mesa copies every figure deeply, which would cost as much as a small step
                 clock = {"steps": self.steps, "time": float(self.steps)}
                 self._noted.append(SimpleNamespace(**clock, **self.figures()))
@@ -154,3 +154,16 @@ class SteppedModel(Model):
     def arguments(self) -> tuple[dict[str, Any], dict[str, Any]]:
         """Return the model's plain arguments, and classes and functions of your own."""
         raise NotImplementedError
+
+
+def _collect(collector: Any, model: SteppedModel) -> None:
+    """Let a collector of your own note a step, its agents where `mesa.batch_run` looks for them.
+
+    Until Mesa 3.4 that is the place of the row that the model has then, counted from 0; the
+    collector files them by steps, which are one more unless the start was collected, too.
+    """
+    collector.collect(model)
+    filed, step = collector._agent_records, model.steps
+    if step in filed and not hasattr(collector, "_collection_steps"):
+        rows = max(map(len, collector.model_vars.values()), default=step)
+        filed[rows - 1] = filed.pop(step)

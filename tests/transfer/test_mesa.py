@@ -158,6 +158,26 @@ def test_batch_run():
     assert {row["songs"] for row in rows} == {2}
 
 
+class Collected(LoadModel):
+    def __init__(self, scene, **more):
+        super().__init__(scene, **more)
+        reporters = {"clock": "generation", "all": lambda model: material(model).agg("kept", sum)}
+        agents = {"kept": lambda agent: agent.kept if isinstance(agent, MaterialAgent) else 0.0}
+        self.datacollector = DataCollector(reporters, agents)
+
+
+@pytest.mark.skipif(not hasattr(mesa, "batch_run"), reason="Mesa 4 has none")
+@pytest.mark.parametrize("period", [1, -1])
+def test_rows_of_batch_run_are_of_one_generation_each(period):
+    rows = mesa.batch_run(Collected, {"scene": [small()]}, data_collection_period=period)
+    end = LoadModel(small()).run().last.generations
+    clocks = {row["clock"] for row in rows}
+    assert clocks == ({*range(1, end + 1)} if period == 1 else {end})
+    for clock in clocks:
+        here = [row for row in rows if row["clock"] == clock]
+        assert sum(row["kept"] for row in here) == pytest.approx(here[0]["all"])
+
+
 def test_the_scenario_of_mesas_page():
     model = LoadModel(small(), seed=7)
     if not hasattr(model, "scenario"):

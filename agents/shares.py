@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any, Literal, NamedTuple
+from collections.abc import Callable, Sequence
+from typing import Any, Literal, NamedTuple, TypeVar
 
 from kaju.errors import AgentError
 
+Kind = TypeVar("Kind", bound=type)
 Sense = Literal["push", "pull"]
 """A push travels along its force, a pull against it."""
 
@@ -18,6 +19,26 @@ class Amounts(dict[Any, float]):
         return 0.0
 
 
+def no_number(called: str, cure: str) -> Callable[[Kind], Kind]:
+    """Let a class of tuples refuse to be changed, and to be reckoned with as a number."""
+
+    def change(row: object, name: str, value: object) -> None:
+        told = f"cannot be changed; make another, {called}._replace({name}={value!r})"
+        raise AgentError(f"{called}: {told}")
+
+    def reckon(row: object, other: object) -> None:
+        raise AgentError(f"{called}: is no number; {cure}")
+
+    def refusing(kind: Kind) -> Kind:
+        for name in "add radd sub rsub mul rmul truediv rtruediv lt le gt ge".split():
+            setattr(kind, f"__{name}__", reckon)
+        kind.__setattr__ = change  # type: ignore[assignment, method-assign]
+        return kind
+
+    return refusing
+
+
+@no_number("load", "take load.total (N), its magnitude times its copies")
 class Load(NamedTuple):
     """A load that reaches an agent.
 
@@ -42,23 +63,12 @@ class Load(NamedTuple):
         """Sum of the equal loads (N)."""
         return self.magnitude * self.copies
 
-    def __setattr__(self, name: str, value: object) -> None:
-        """Refuse to be changed: others may have the same load."""
-        raise AgentError(f"load: cannot be changed; make another, load._replace({name}={value!r})")
-
-    def __mul__(self, factor: object) -> Any:
-        """Refuse to be taken for a number, or for a tuple to repeat."""
-        raise AgentError("load: is no number; take load.total (N), its magnitude times its copies")
-
-    def __rmul__(self, factor: object) -> Any:
-        """Refuse it on this side, too."""
-        return self * factor
-
     def turned(self) -> Load:
         """Return the load with the same force and the other sense: it travels back."""
         return self._replace(sense="pull" if self.sense == "push" else "push")
 
 
+@no_number("row", "make another, row._replace(share=0.5 * row.share)")
 class Emission(NamedTuple):
     """One share on its way: over which arm it leaves, where its force points, in which sense.
 

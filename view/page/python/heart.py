@@ -17,10 +17,10 @@ from kaju.model.transfer import agent_engine, load_model, transfer
 
 WHOLE: tuple[Any, ...] = (
     errors.KajuError, errors.ParameterError, errors.AgentError, errors.brief, errors.require,
-    stepping.chosen, shares.Amounts, shares.Load, shares.Emission, shares.Emissions,
-    shares.Lateral, shares.Neighbourhood, shares.Shares, parameter.is_number, parameter.declared,
-    parameter.Declaration, parameter.Parameter, parameter.State, material_agent.LoadBox,
-    material_agent.PlacedAgent, material_agent.MaterialAgent,
+    stepping.chosen, shares.Amounts, shares.no_number, shares.Load, shares.Emission,
+    shares.Emissions, shares.Lateral, shares.Neighbourhood, shares.Shares, parameter.is_number,
+    parameter.declared, parameter.Declaration, parameter.Parameter, parameter.State,
+    material_agent.LoadBox, material_agent.PlacedAgent, material_agent.MaterialAgent,
     boundary_agent.BoundaryAgent, boundary_agent.FreeBoundaryAgent,
     boundary_agent.RigidBoundaryAgent, boundary_agent.RollerBoundaryAgent,
     own_agents.OwnAgents, transfer.check_shares,
@@ -91,7 +91,9 @@ class _Plain(ast.NodeTransformer):
             values = ", ".join(ast.unparse(part.value) for part in named if part.value)
             told = ast.parse(f"fields, defaults = {fields!r}, ({values}{',' if values else ''})")
             node.body = [*told.body, *(part for part in node.body if part not in named)]
-            node.bases, node.decorator_list = [ast.Name("Record")], []
+            node.bases = [ast.Name("Record")]
+            told_apart = (d for d in node.decorator_list if "dataclass" not in ast.unparse(d))
+            node.decorator_list = [*told_apart]
         return self._body(node)
 
     def _body(self, node: Any) -> ast.AST:

@@ -30,7 +30,19 @@ def no_number(called: str, cure: str) -> Callable[[Kind], Kind]:
         raise AgentError(f"{called}: is no number; {cure}")
 
     def refusing(kind: Kind) -> Kind:
-        for name in "add radd sub rsub mul rmul truediv rtruediv lt le gt ge".split():
+        for name in (
+            "add",
+            "radd",
+            "sub",
+            "rsub",
+            "mul",
+            "rmul",
+            "truediv",
+            "lt",
+            "le",
+            "gt",
+            "ge",
+        ):
             setattr(kind, f"__{name}__", reckon)
         kind.__setattr__ = change  # type: ignore[assignment, method-assign]
         return kind

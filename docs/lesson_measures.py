@@ -267,12 +267,17 @@ def _cracks(run: Callable[..., Any]) -> Words:
         from_middle = np.abs(place - 0.5 * network.positions.max(axis=0))
         return bool(np.linalg.norm(from_middle - [half, 0.0]) < 0.02)
 
+    def x_of(spring: int) -> float:
+        """Return how far right the middle of a spring is, in centimetres."""
+        return 100.0 * float(run().network.positions[run().network.springs[spring], 0].mean())
+
     def width() -> float:
         """Return the width of the net, in centimetres."""
         return 100.0 * float(np.ptp(run().network.positions[:, 0]))
 
     return {
         "at_the_tip": at_the_tip,
+        "x_of": x_of,
         "width": width,
         # the largest load for each centimetre of the width that a cut leaves
         "per_cm": lambda page="", cut=4.0: run(page).force.max() / (width() - cut),

@@ -44,6 +44,7 @@ def page_lesson(of: Lesson) -> dict[str, Any]:
     """Return what a page is told of a lesson: its questions, in all languages."""
     return {
         "key": of.name,
+        "title": {k: text.title for k, text in of.texts.items()},
         "index": "index.html",
         "intro": {k: plain(text.sections["What is it?"]) for k, text in of.texts.items()},
         "curves": of.curves or None,
@@ -112,7 +113,13 @@ def tolerance(kind: dict[str, Any], field: int, value: float) -> float:
     if value == int(value):
         return 0.0
     rounded = abs(float(f"{value:.2g}") - value) + 1e-6
-    return 5e-4 if kind.get("exact") else max(float(f"{0.02 * abs(value):.2g}"), rounded)
+    return 5e-4 if kind.get("exact") else _rounded_up(max(0.02 * abs(value), rounded))
+
+
+def _rounded_up(value: float) -> float:
+    """Return the next number above that is read at a glance: 0.045 for 0.0444."""
+    step = 10.0 ** floor(log10(value)) / 2
+    return float(f"{step * ceil(value / step - 1e-6):.2g}")
 
 
 def accepted(value: float, tolerance: float) -> str:
@@ -141,6 +148,7 @@ def make_lesson(of: Lesson, folder: Path) -> list[Path]:
     made = []
     for name in lesson_runs.PAGES[of.name]:
         target = folder / f"{'-'.join(filter(None, (of.name, name)))}.html"
+        told["here"] = target.name
         if name:
             calls = {k: text.calls(target.name) for k, text in of.texts.items()}
             title = {k: f"{c[0].upper()}{c[1:]} · {of.texts[k].title}" for k, c in calls.items()}

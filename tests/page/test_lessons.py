@@ -162,7 +162,7 @@ def test_a_guess_is_not_judged_and_what_a_question_looks_at_is_there(opened, tmp
     assert make_pages.asked_for(lesson("how-things-break"), "how-things-break-fine-whole.html") == 2
     assert page.text("a[aria-current]") == "mit dem Schnitt"  # this page
     assert page.text(".recalled").startswith("Du hast noch nicht vermutet: Beginne mit")
-    page.js("(page.lesson.answers.warning = ['2 cm'], page.lesson.open(3))")
+    page.js("(page.lesson.answers.warning = ['', '', '2 cm'], page.lesson.open(3))")
     assert "bitte in Federn" in page.text("aside .flow")
     page = opened(*make_pages.make_lesson(lesson("blow-up"), tmp_path))
     page.js("page.lesson.open(1)")
@@ -207,7 +207,7 @@ def test_a_drawing_is_a_guess_and_a_number_rounded_well_is_nearly_right(opened, 
     page.press("Change my guess")
     assert (page.tab.locator("textarea").is_editable(), page.js("page.g")) == (True, 0)
     page.js("(page.lesson.open(1), page.seek(Infinity), page.draw())")
-    assert "parted: what still joins" in page.text(".cap")
+    assert "parted: all that is left bears" in page.text(".cap")
     assert all(f"told_{PARTED}" in words for words in WORDS.values())
 
 

@@ -52,12 +52,12 @@ export function segments(label, value, options, change) {
   return group;
 }
 
-const FACTORS = { G: 1e9, M: 1e6, k: 1e3, c: 1e-2, m: 1e-3, "µ": 1e-6, u: 1e-6, n: 1e-9, p: 1e-12 }, BASES = ["", "N", "m", "Pa", "J", "s", "g", "°", "%", "N/m"];
-/** A unit as how many of its base: "mN" is [0.001, "N"]; a force times a length is work: "N·mm" is [0.001, "J"]. */
-const split = (unit, [, force, length] = unit.match(/^([GMkmµu]?N)[·⋅*×]?([kcmµun]?m)$/) ?? []) => (force ? [split(force)[0] * split(length)[0], "J"] : BASES.includes(unit) || !FACTORS[unit[0]] ? [1, unit] : [FACTORS[unit[0]], unit.slice(1)]);
+const FACTORS = { G: 1e9, M: 1e6, k: 1e3, c: 1e-2, m: 1e-3, "µ": 1e-6, u: 1e-6, n: 1e-9, p: 1e-12 }, BASES = ["", "N", "m", "Pa", "J", "s", "g", "°", "%"];
+/** A unit as how many of its base: "mN" is [0.001, "N"]; a force times a length is work: "N·mm" is [0.001, "J"]; per length: "N/cm" is [100, "N/m"]. */
+const split = (unit, [, force, length] = unit.match(/^([GMkmµu]?N)[·⋅*×]?([kcmµun]?m)$/) ?? [], [, what, per] = unit.match(/^(.+)\/([kcmµun]?m)$/) ?? []) => (force ? [split(force)[0] * split(length)[0], "J"] : per ? [split(what)[0] / split(per)[0], `${split(what)[1]}/m`] : BASES.includes(unit) || !FACTORS[unit[0]] ? [1, unit] : [FACTORS[unit[0]], unit.slice(1)]);
 /** What a reader has typed, in a unit: "12 mN", "0.012", "0,012"; a bare number has the unit `shown`; NaN if it is no number of it. */
 export function numberOf(text, unit = "", shown = unit) {
-  const found = text.trim().replace(",", ".").replace("−", "-").replace(/(N)\s*[·⋅*×]?\s*(?=[kcmµun]?m$)/, "$1·").match(/^([-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?)\s*(\S*)$/i);
+  const found = text.trim().replace(",", ".").replace("−", "-").replace(/\s*\/\s*/, "/").replace(/(N)\s*[·⋅*×]?\s*(?=[kcmµun]?m$)/, "$1·").match(/^([-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?)\s*(\S*)$/i);
   if (!found) return NaN;
   const [, digits, given] = found, [theirs, base] = split(given || shown), [ours, wanted] = split(unit);
   return base === wanted ? Number(digits) * (theirs / ours) : NaN;

@@ -10,10 +10,10 @@ export const STEPS = ["predict", "step", "explain", "try"];
 const MOST_LETTERS = 2000, SMALL = 4, DRAWN = "✎";  // of an answer; so many generations have a small picture; the answer of who drew it
 
 export class Lesson {
-  constructor(page, { key, index, intro, opens, curves, minutes, questions, teacher, presets }) {
+  constructor(page, { key, title, here, index, intro, opens, curves, minutes, questions, teacher, presets }) {
     this.wide = matchMedia("(min-width: 1100px)");     // room for curves beside the picture
     this.wide.onchange = () => page.rebuild();
-    Object.assign(this, { page, key, intro, minutes, index, opens, curves, was: opens ?? 0, notes: teacher, questions: questions ?? [], answers: {}, guesses: {}, firsts: {}, done: [], at: -1, step: "predict", teacher: page.asked.has("teacher"), shown: "guess", pen: 1 });
+    Object.assign(this, { page, key, title: title ?? page.title, here, intro, minutes, index, opens, curves, was: opens ?? 0, notes: teacher, questions: questions ?? [], answers: {}, guesses: {}, firsts: {}, done: [], at: -1, step: "predict", teacher: page.asked.has("teacher"), shown: "guess", pen: 1 });
     this.several = page.presets.length > 1 || /\.html\)/.test(JSON.stringify(this.questions));   // bodies, each with colours of its own
     (presets ?? []).forEach((names, n) => { if (page.presets[n]) Object.assign(page.presets[n], { ...names, word: "" }); });
     this.read();
@@ -73,7 +73,14 @@ export class Lesson {
   enter(n) {
     const open = this.of("predict").find((q) => !this.guessed(q));
     if (n && open && !this.teacher) { this.go(this.questions.indexOf(open)); this.ask(); return; }
-    this.finish(); this.open(n);
+    this.finish(); this.open(n); this.follow();
+  }
+  /** Go to the page that a question asks for, or the last one before it that asks for any: in another tab or net its numbers are not to be read. */
+  follow() {
+    const { here, key, questions, question, at } = this, pages = questions.slice(0, at + 1).map((q) => JSON.stringify([q.question, q.note]).match(/(?<=\()[\w-]+\.html(?=\))/g)).findLast(Boolean) ?? [`${key}.html`];
+    if (!here || !question || pages.includes(here)) return;
+    this.keep();
+    if (this.keeps) location.href = `${pages[0]}${this.teacher ? "#teacher" : ""}`;   // there it is known where one was
   }
   /** Say what is still to be answered, beside the field that waits. */
   ask(word = this.begun(this.question) ? "stillOpen" : "answerFirst") {
@@ -85,7 +92,7 @@ export class Lesson {
   /** On from a question; who has left something open hears of it first. */
   leave(go) {
     const { question: q, teacher } = this;
-    if (!q || teacher || this.asked === q || this.answered(q) || (q.step === "predict" && !this.guessed(q))) go(); else this.ask("stillOpen");
+    if (!q || teacher || this.asked === q || this.answered(q) || (q.step === "predict" && !this.guessed(q))) { go(); this.follow(); } else this.ask("stillOpen");
   }
   go(at, quiet = false) {
     const { page } = this;
@@ -265,7 +272,7 @@ export function lessonSide(page) {
   const panel = make("div", { role: "tabpanel", id: `panel-${lesson.step}`, ariaLabel: t(`step_${lesson.step}`) }, ...(q ? questionCards(lesson, q) : lesson.at > 0 ? endCards(lesson) : []), ...stepCards(page));
   const teacher = tick(t(lesson.teacher ? "answersShown" : "answersHidden"), lesson.teacher, (on) => { lesson.teacher = on; page.rebuild(); page.root.querySelector("aside .body").scrollTo(0, 0); }, { role: "switch", className: "switch", ariaLabel: t("teacher") });
   const notes = lesson.teacher && lesson.notes ? [make("details", { className: "card answer", open: lesson.at <= 0 }, make("summary", { textContent: t("plan") }), rendered(page.say(lesson.notes)))] : [];
-  const { at, next } = lesson, foot = [make("div", { className: "ends" }, ...(at > 0 ? [button(t("backOne"), () => lesson.go(at - 1))] : []),
+  const { at, next } = lesson, foot = [make("div", { className: "ends" }, ...(at > 0 ? [button(t("backOne"), () => { lesson.go(at - 1); lesson.follow(); })] : []),
     labelled("print", t("worksheet"), () => print(), { className: "icon" }), make("span", { className: "push" }),
     ...(next ? [button(t(next.word, { step: STEPS[next.step] ? t(`step_${STEPS[next.step]}`) : "" }), () => lesson.leave(next.go), { className: "main" })] : []))];
   return { tabs, body: [...notes, panel, make("details", { className: "card teach", open: lesson.teacher }, make("summary", { textContent: t("teacher") }), teacher, button(t("forget"), ({ target }) => { if (target.textContent === t("forgetSure")) lesson.forget(); else target.textContent = t("forgetSure"); }, { className: "small" }))], foot };
@@ -294,7 +301,7 @@ function questionCards(lesson, q) {
 function endCards(lesson) {
   const { page, page: { t }, questions } = lesson, open = (list) => list.find((q) => !lesson.answered(q));
   const own = (q) => (lesson.own(q) ? [make("p", {}, `${t("yourAnswer")}: `, make("em", { textContent: lesson.own(q) }))] : []);
-  const card = (q, waits) => own(q).concat(waits ? button(t("openQuestion", { n: questions.indexOf(waits) + 1 }), () => lesson.go(questions.indexOf(waits))) : rendered(page.say(q.answer ?? "").split("\n\n")[0]));   // what follows is for the teacher
+  const card = (q, waits) => own(q).concat(waits ? button(t("openQuestion", { n: questions.indexOf(waits) + 1 }), () => { lesson.go(questions.indexOf(waits)); lesson.follow(); }) : rendered(page.say(q.answer ?? "").split("\n\n")[0]));   // what follows is for the teacher
   return [make("h2", { className: "question", textContent: t("thereWas") }), make("p", { textContent: t("compareHow") }),
     ...questions.map((q, n) => make("section", { className: "card" }, make("h3", {}, `${n + 1}. `, ...inline(page.say(q.question))), ...card(q, open(q.step === "predict" ? questions : [q]))))];
 }
@@ -374,12 +381,12 @@ export function laySheet(page) {
 
 function paperOf(page) {
   const { lesson, t } = page, line = (word, size) => make("span", {}, `${word} `, make("i", { className: `blank ${size}` }));
-  const head = make("div", { className: "top" }, make("div", {}, make("h1", { textContent: page.say(page.title) }), make("p", { textContent: [t("worksheet"), lesson.minutes && t("minutes", { t: lesson.minutes }), loadWords(page.start)].filter(Boolean).join(" · ") })),
+  const head = make("div", { className: "top" }, make("div", {}, make("h1", { textContent: page.say(lesson.title) }), make("p", { textContent: [t("worksheet"), lesson.minutes && t("minutes", { t: lesson.minutes }), loadWords(page.start)].filter(Boolean).join(" · ") })),
     make("div", { className: "who" }, line(t("name"), "long"), make("div", {}, line(t("course"), "short"), " ", line(t("date"), "short"))));
   const questions = lesson.questions.map((q, i) => make("section", {}, make("b", { className: "number", textContent: i + 1 }),
     make("div", { className: "asked" }, make("p", {}, make("span", {}, ...inline(page.say(q.question))), make("small", { textContent: q.minutes ? t("minutes", { t: q.minutes }) : "" })), ...(q.note ? [rendered(page.say(q.note))] : []), ...answerOf(page, q))));
-  const foot = make("div", { className: "bottom" }, make("span", { textContent: `kaju · ${page.say(page.title)}` }), make("span", { textContent: lesson.kept ? t("asSaved", { d: new Date().toLocaleDateString(page.language, { dateStyle: "long" }) }) : "" }));
-  const answers = lesson.teacher ? [make("div", { className: "teachers" }, make("h1", { textContent: `${t("answers")}: ${page.say(page.title)}` }),
+  const foot = make("div", { className: "bottom" }, make("span", { textContent: `kaju · ${page.say(lesson.title)}` }), make("span", { textContent: lesson.kept ? t("asSaved", { d: new Date().toLocaleDateString(page.language, { dateStyle: "long" }) }) : "" }));
+  const answers = lesson.teacher ? [make("div", { className: "teachers" }, make("h1", { textContent: `${t("answers")}: ${page.say(lesson.title)}` }),
     ...(lesson.notes ? [rendered(page.say(lesson.notes))] : []),
     ...lesson.questions.map((q, i) => make("section", {}, make("b", { className: "number", textContent: i + 1 }), make("div", { className: "asked" }, ...solution(page, q)))))] : [];
   return [head, ...(lesson.intro ? [rendered(page.say(lesson.intro))] : []), ...(page.start?.scene.rule?.kind === "prescribed" ? [ruleBox(t, page.start.scene)] : lesson.questions.some((q) => q.draws === true && mayDraw(q)) ? [] : [bodyOf(page)]), ...questions, foot, ...answers];

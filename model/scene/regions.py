@@ -237,6 +237,7 @@ _UNITS = {
     **{"pc": 0.0254 / 6.0, "cm": 0.01, "mm": 0.001, "Q": 0.00025},
 }
 """Metres, as CSS has them."""
+_OUTLINES = ("path", "rect", "circle", "ellipse", "polygon")
 _SILENT = ("defs", "metadata", "title", "desc", "style", "namedview", "clipPath", "mask", "marker")
 
 
@@ -261,13 +262,12 @@ def read_drawing(text: str, only: str | None = None) -> list[Floats]:
         root = ElementTree.fromstring(text)  # noqa: S314 (without entities)
     except ElementTree.ParseError as error:
         raise _wrong(f"is not an SVG drawing ({error}); save it as plain SVG") from None
-    found: list[Floats] = []
-    shapes = [*_elements(root, _page(root), parse_transform)]
-    ids = [one.get("id", "") for one, _ in shapes]
+    ids = [one.get("id", "") for one in root.iter() if _name(one) in _OUTLINES]
     if only is not None and only not in ids:
         there = ", ".join(filter(None, ids)) or "none"
         raise _wrong(f"no shape has the id {only!r}{suggestion(only, ids)}; ids are {there}")
-    for element, place in [shapes[ids.index(only)]] if only else shapes:
+    found: list[Floats] = []
+    for element, place in _elements(root, _page(root), parse_transform, only):
         try:
             data = CONVERSIONS[_name(element)](_rounded(element))
             drawn = read_path(data, enlarge=True)
@@ -333,14 +333,18 @@ def _length(text: str) -> float | None:
     return float(found[1]) * _UNITS[found[2]]
 
 
-def _elements(element: Any, place: Floats, transform: Any) -> Iterator[tuple[Any, Floats]]:
-    """Yield each outline of a drawing, and the matrix to metres of its coordinates."""
+def _elements(
+    element: Any, place: Floats, transform: Any, only: str | None
+) -> Iterator[tuple[Any, Floats]]:
+    """Yield each outline of a drawing, or that of one id, and the matrix from it to metres."""
     for child in element:
+        if only is not None and all(one.get("id") != only for one in child.iter()):
+            continue
         name = _name(child)
         own = "}" not in str(child.tag) or "www.w3.org/2000/svg}" in str(child.tag)
         if not own or name in _SILENT or _style(child, "display") == "none":
             continue
-        if name not in ("g", "a", "path", "rect", "circle", "ellipse", "polygon"):
+        if name not in ("g", "a", *_OUTLINES):
             raise _wrong(f"{_called(child)} is no outline; turn it into a path, or remove it")
         for key in ("clip-path", "mask"):  # they hide a part of it
             if _style(child, key) not in ("", "none"):
@@ -350,7 +354,7 @@ def _elements(element: Any, place: Floats, transform: Any) -> Iterator[tuple[Any
         except (ValueError, TypeError) as error:
             raise _wrong(f"{_called(child)}: its transform is not read ({error})") from None
         if name in ("g", "a"):
-            yield from _elements(child, inner, transform)
+            yield from _elements(child, inner, transform, only)
         else:
             yield child, inner
 

@@ -189,7 +189,8 @@ def test_drawings_are_metres_and_y_upwards(tmp_path, inner, page, expected):
 
 
 def test_a_drawing_is_kept_with_its_scene(tmp_path):
-    scene = drawn(tmp_path, RECT + HOLE, of={"id": "hole"})
+    rest = '<text id="title">A</text><g clip-path="url(#a)"><line x2="1"/></g>'  # not asked for
+    scene = drawn(tmp_path, f"{rest}{RECT}<g>{HOLE}</g>", of={"id": "hole"})
     assert centres(scene) == [20, 30, 60]
     with pytest.raises(SceneError, match=r"no shape has the id 'hol' .did you mean 'hole'.*part"):
         drawn(tmp_path, RECT + HOLE, of={"id": "hol"})

@@ -30,19 +30,8 @@ def no_number(called: str, cure: str) -> Callable[[Kind], Kind]:
         raise AgentError(f"{called}: is no number; {cure}")
 
     def refusing(kind: Kind) -> Kind:
-        for name in (
-            "add",
-            "radd",
-            "sub",
-            "rsub",
-            "mul",
-            "rmul",
-            "truediv",
-            "lt",
-            "le",
-            "gt",
-            "ge",
-        ):
+        names = ("add", "radd", "sub", "rsub", "mul", "rmul", "truediv", "lt", "le", "gt", "ge")
+        for name in names:
             setattr(kind, f"__{name}__", reckon)
         kind.__setattr__ = change  # type: ignore[assignment, method-assign]
         return kind

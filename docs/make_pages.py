@@ -75,6 +75,8 @@ def _page_question(of: Lesson, number: int) -> dict[str, Any]:
         "show": kind.get("show", {}) | {"preset": kind.get("preset", 0)},
     }
     told |= {name: kind[name] for name in ("until", "lines", "draws", "recalls") if name in kind}
+    if not of.scenes:
+        told["pages"] = pages_of(of, number)
     if "answers" in kind:
         said = asked["en"].asks + asked["en"].note + str(asked["en"].fields)
         told["rounds"] = "rounded" in said  # it says itself how
@@ -156,6 +158,14 @@ def make_lesson(of: Lesson, folder: Path) -> list[Path]:
         run = lesson_runs.run(of.name, name)
         made.append(export_page(run, target, title=title, text=words, lesson=told))
     return made
+
+
+def pages_of(of: Lesson, number: int) -> list[str]:
+    """Return the pages that a question asks for, or those of the last one before it with any."""
+    for q in reversed(of.texts["en"].questions[: number + 1]):
+        if links := re.findall(r"\(([\w-]+\.html)\)", q.asks + q.note):
+            return links
+    return [f"{of.name}.html"]
 
 
 def asked_for(of: Lesson, page: str) -> int:

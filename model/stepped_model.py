@@ -163,7 +163,7 @@ def _collect(collector: Any, model: SteppedModel) -> None:
     collector files them by steps, which are one more unless the start was collected, too.
     """
     collector.collect(model)
-    filed, step = collector._agent_records, model.steps
+    filed, step = getattr(collector, "_agent_records", {}), model.steps
     if step in filed and not hasattr(collector, "_collection_steps"):
         rows = max(map(len, collector.model_vars.values()), default=step)
         filed[rows - 1] = filed.pop(step)

@@ -164,6 +164,12 @@ def test_a_guess_is_not_judged_and_what_a_question_looks_at_is_there(opened, tmp
     assert page.text(".recalled").startswith("Du hast noch nicht vermutet: Beginne mit")
     page.js("(page.lesson.answers.warning = ['', '', '2 cm'], page.lesson.open(3))")
     assert "bitte in Federn" in page.text("aside .flow")
+    page.press("Zurück")  # this page is one of those that question 3 asks for
+    assert page.js("[page.lesson.at, page.lesson.here]") == [2, finer.name]
+    page.press("Zurück")  # question 2 is about the first net
+    page.until("page?.drawn && page.lesson?.here === 'how-things-break.html'")
+    assert page.js("page.lesson.at") == 1
+    assert page.requests.pop() == (tmp_path / "how-things-break.html").as_uri()  # and no other
     page = opened(*make_pages.make_lesson(lesson("blow-up"), tmp_path))
     page.js("page.lesson.open(1)")
     assert "Every load ends" in page.text(".verdict")

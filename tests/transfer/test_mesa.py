@@ -7,6 +7,7 @@ import subprocess
 import sys
 import weakref
 from functools import partial
+from types import SimpleNamespace
 
 import mesa
 import pytest
@@ -156,6 +157,13 @@ def test_batch_run():
     assert [row["rng"] for row in rows] == [7, 8, 7, 8]
     assert {row["threshold"] for row in rows} == {0.01, 0.1}
     assert {row["songs"] for row in rows} == {2}
+
+
+def test_whatever_collects_is_asked_after_every_step():
+    seen, model = [], LoadModel(small())
+    model.datacollector = SimpleNamespace(collect=lambda model: seen.append(model.steps))
+    model.run()
+    assert seen == [*range(1, model.generation + 1)]
 
 
 class Collected(LoadModel):

@@ -75,10 +75,12 @@ export class Lesson {
     if (n && open && !this.teacher) { this.go(this.questions.indexOf(open)); this.ask(); return; }
     this.finish(); this.open(n); this.follow();
   }
-  /** Go to the page that a question asks for, or the last one before it that asks for any: in another tab or net its numbers are not to be read. */
+  /** Go to a question, on a page where its numbers can be read. */
+  visit(at) { this.go(at); this.follow(); }
+  /** Go to the page that the question asks for, if this is another one. */
   follow() {
-    const { here, key, questions, question, at } = this, pages = questions.slice(0, at + 1).map((q) => JSON.stringify([q.question, q.note]).match(/(?<=\()[\w-]+\.html(?=\))/g)).findLast(Boolean) ?? [`${key}.html`];
-    if (!here || !question || pages.includes(here)) return;
+    const { here, question } = this, pages = question?.pages ?? [here];
+    if (pages.includes(here)) return;
     this.keep();
     if (this.keeps) location.href = `${pages[0]}${this.teacher ? "#teacher" : ""}`;   // there it is known where one was
   }
@@ -272,7 +274,7 @@ export function lessonSide(page) {
   const panel = make("div", { role: "tabpanel", id: `panel-${lesson.step}`, ariaLabel: t(`step_${lesson.step}`) }, ...(q ? questionCards(lesson, q) : lesson.at > 0 ? endCards(lesson) : []), ...stepCards(page));
   const teacher = tick(t(lesson.teacher ? "answersShown" : "answersHidden"), lesson.teacher, (on) => { lesson.teacher = on; page.rebuild(); page.root.querySelector("aside .body").scrollTo(0, 0); }, { role: "switch", className: "switch", ariaLabel: t("teacher") });
   const notes = lesson.teacher && lesson.notes ? [make("details", { className: "card answer", open: lesson.at <= 0 }, make("summary", { textContent: t("plan") }), rendered(page.say(lesson.notes)))] : [];
-  const { at, next } = lesson, foot = [make("div", { className: "ends" }, ...(at > 0 ? [button(t("backOne"), () => { lesson.go(at - 1); lesson.follow(); })] : []),
+  const { at, next } = lesson, foot = [make("div", { className: "ends" }, ...(at > 0 ? [button(t("backOne"), () => lesson.visit(at - 1))] : []),
     labelled("print", t("worksheet"), () => print(), { className: "icon" }), make("span", { className: "push" }),
     ...(next ? [button(t(next.word, { step: STEPS[next.step] ? t(`step_${STEPS[next.step]}`) : "" }), () => lesson.leave(next.go), { className: "main" })] : []))];
   return { tabs, body: [...notes, panel, make("details", { className: "card teach", open: lesson.teacher }, make("summary", { textContent: t("teacher") }), teacher, button(t("forget"), ({ target }) => { if (target.textContent === t("forgetSure")) lesson.forget(); else target.textContent = t("forgetSure"); }, { className: "small" }))], foot };
@@ -301,7 +303,7 @@ function questionCards(lesson, q) {
 function endCards(lesson) {
   const { page, page: { t }, questions } = lesson, open = (list) => list.find((q) => !lesson.answered(q));
   const own = (q) => (lesson.own(q) ? [make("p", {}, `${t("yourAnswer")}: `, make("em", { textContent: lesson.own(q) }))] : []);
-  const card = (q, waits) => own(q).concat(waits ? button(t("openQuestion", { n: questions.indexOf(waits) + 1 }), () => { lesson.go(questions.indexOf(waits)); lesson.follow(); }) : rendered(page.say(q.answer ?? "").split("\n\n")[0]));   // what follows is for the teacher
+  const card = (q, waits) => own(q).concat(waits ? button(t("openQuestion", { n: questions.indexOf(waits) + 1 }), () => lesson.visit(questions.indexOf(waits))) : rendered(page.say(q.answer ?? "").split("\n\n")[0]));   // what follows is for the teacher
   return [make("h2", { className: "question", textContent: t("thereWas") }), make("p", { textContent: t("compareHow") }),
     ...questions.map((q, n) => make("section", { className: "card" }, make("h3", {}, `${n + 1}. `, ...inline(page.say(q.question))), ...card(q, open(q.step === "predict" ? questions : [q]))))];
 }

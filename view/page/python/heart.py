@@ -92,8 +92,8 @@ class _Plain(ast.NodeTransformer):
             told = ast.parse(f"fields, defaults = {fields!r}, ({values}{',' if values else ''})")
             node.body = [*told.body, *(part for part in node.body if part not in named)]
             node.bases = [ast.Name("Record")]
-            told_apart = (d for d in node.decorator_list if "dataclass" not in ast.unparse(d))
-            node.decorator_list = [*told_apart]
+            own = [one for one in node.decorator_list if "dataclass" not in ast.unparse(one)]
+            node.decorator_list = own
         return self._body(node)
 
     def _body(self, node: Any) -> ast.AST:

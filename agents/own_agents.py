@@ -9,7 +9,7 @@ from inspect import signature, unwrap
 from itertools import chain, islice
 from numbers import Integral
 from traceback import walk_tb
-from types import FunctionType
+from types import CodeType, FunctionType
 from typing import Any
 
 from kaju.errors import AgentError, ParameterError, brief, no_such, require, takes
@@ -61,7 +61,8 @@ def check_class(name: str, agent: object, base: type) -> None:
         needed = f"{name}: a subclass of {base.__name__} is needed, got {brief(agent)}"
         raise ParameterError(f"{needed}; {cure}")
     classes = agent.__mro__[: agent.__mro__.index(base)][::-1]
-    brought = {k: v for one in classes for k, v in vars(one).items() if not k.startswith("_")}
+    own = [vars(one).items() for one in classes if one not in BOUNDARIES.values()]
+    brought = {key: value for items in own for key, value in items}
     _check_hooks(f"{name}: {agent.__name__}", agent, base, brought)
     _check_names(name, agent, base, brought)
 
@@ -76,36 +77,50 @@ def every_name(base: type) -> set[str]:
 def _check_names(name: str, agent: type, base: type, brought: dict[str, Any]) -> None:
     """Refuse names that the base uses itself, and Parameters and States that are not kept."""
     used = every_name(base)
-    for key, value in brought.items():
-        plain = not hasattr(value, "__get__") and hasattr(getattr(base, key, None), "__get__")
+    for key in [key for key in brought if not key.startswith("_")]:
+        value, usual = brought[key], getattr(base, key, None)
+        plain = not hasattr(value, "__get__") and hasattr(usual, "__get__")
         hides = key in used if isinstance(value, Declaration) else plain
         told = f"{key}: {base.__name__} uses this name; take another in {agent.__name__}"
         require(not hides, told)
-    unkept = declared([agent], Declaration if base is FaceAgent else State)
-    told = f"{name}: a State is kept of material agents only, and ElasticModel takes no Parameter;"
-    fits = base is MaterialAgent or not unkept
-    require(fits, f"{told} let {agent.__name__} have a plain attribute, seen in model.agents")
+    declares = declared([agent], Declaration if base is FaceAgent else State)
+    for key, one in declares.items() if base is not MaterialAgent else ():
+        state = "a State is kept of material agents only" * isinstance(one, State)
+        cure = f"let {agent.__name__} have a plain attribute, {key} = {one.default!r}"
+        why = f"{state or 'ElasticModel takes no Parameter'}; {cure}, seen in model.agents"
+        raise ParameterError(f"{name}: {key}: {why}")
+
+
+def _names_in(code: CodeType) -> set[object]:
+    """Return the names and the texts in a function, and in functions that it makes."""
+    inner = [_names_in(one) for one in code.co_consts if isinstance(one, CodeType)]
+    return {*code.co_names, *code.co_consts}.union(*inner)
 
 
 def _check_hooks(whose: str, agent: type, base: type, brought: dict[str, Any]) -> None:
-    """Refuse methods nearly called as a hook, hooks with other arguments, steps that take none."""
-    own = {k: v for k, v in brought.items() if isinstance(v, FunctionType)}
+    """Refuse methods that nobody calls, hooks with other arguments, steps that take none."""
+    functions = {key: getattr(value, "fget", value) for key, value in brought.items()}
+    used = {k: _names_in(f.__code__) for k, f in functions.items() if isinstance(f, FunctionType)}
+    own = {k for k in used if brought[k] is functions[k] and k[0] != "_"}  # no properties
+    usual = own.isdisjoint(HOOKS[base])  # then a method that takes loads was meant to be one
     never = {"step", "advance"} - {*HOOKS[base]}  # Mesa's; kaju calls steps of cells only
-    for key in own.keys() - (set(dir(base)) - never):
+    for key in sorted(own - (set(dir(base)) - never)):
         bare = key.lower().removeprefix("on_").removeprefix("do_").removesuffix("_agent")
         near = get_close_matches(MEANT.get(bare, bare), HOOKS[base], n=1, cutoff=0.81)  # no intake
-        other = [other.__name__ for other in HOOKS if key in HOOKS[other]]
-        meant = f"did you mean {near[0]!r}" if near else f"should it be a {' or '.join(other)}"
-        told = f"{whose} has a method {key!r}, which kaju never calls; {meant}? If the name is"
-        called = any(key in one.__code__.co_names for name, one in own.items() if name != key)
-        require(called or not (near or other), f"{told} intended, begin it with _")
-    for hook in own.keys() & {*HOOKS[base]} | {"__init__"}:
+        lost = usual and "load" in " ".join(signature(brought[key]).parameters)
+        meant = [f"did you mean {one!r}?" for one in near]
+        meant += [f"should it be a {one.__name__}?" for one in HOOKS if key in HOOKS[one]]
+        meant += [f"it calls {', '.join(HOOKS[base])}."] * lost
+        called = any(key in used[name] for name in used if name != key)
+        told = f"{whose} has a method {key!r}, which kaju never calls; {''.join(meant[:1])} If the"
+        require(called or not meant, f"{told} name is intended, begin it with _")
+    for hook in own & {*HOOKS[base]} | {"__init__"}:
         function, start = getattr(agent, hook), tuple(signature(getattr(base, hook)).parameters)
         told = f"{whose}.{hook} takes {signature(function)}, but a model calls it with"
         cure = "; take *start and call super().__init__(*start) first" * (hook == "__init__")
         require(takes(function, *start), f"{told} ({', '.join(start)}){cure}")
     told = f"{whose}.step never calls super().step(), so its agents would take no load; call it,"
-    acts = "step" not in own or {"step", "take", "pass_on"} & {*own["step"].__code__.co_names}
+    acts = "step" not in own or {"step", "take", "pass_on"} & used["step"]
     require(bool(acts), f"{told} or override take, emissions or pass_on instead")
 
 

@@ -113,6 +113,8 @@ REFUSED = {
     "passes rows on": passes(lambda self, load: self.emissions(load)),
     "steps without super": material(step=lambda self: None),
     **{f"hook {name}": material(**{name: lambda self, load: None}) for name in ELSEWHERE},
+    "answers loads under another name": material(respond=lambda self, load: None),
+    "gives back under another name": wall(soak=lambda self, load, arm: None),
     "takes a number": material(take=lambda self, load: MaterialAgent.take(self, load.magnitude)),
     "gives back inside": material(give_back=lambda self, load, arm: load),
     "rule takes none": {"rule": type("Mine", (kaju.PrescribedRule,), {"shares": lambda m: 0})()},
@@ -147,6 +149,25 @@ def test_what_is_no_answer_is_refused_by_name(kind):
     part = kind.partition(" ")[0]
     assert part not in ("arm", "direction", "share", "sense") or f"wrong: {part}" in str(told.value)
     assert (name or names.get(next(iter(REFUSED[kind])), "Mine")) in str(told.value)
+
+
+@pytest.mark.parametrize("more", [
+    {"eager": property(lambda self: self.answer)}, {"_tell": lambda self: self.answer},
+    {"_all": lambda self: [each.answer for each in self.model.agents]},
+    {"take": MaterialAgent.take}, {"answer": lambda self, much: None}, {"answer": 0.5},
+])  # fmt: skip
+def test_a_method_that_something_calls_or_that_takes_no_load_is_let_alone(more):
+    assert "at rest" in run(material(**{"answer": lambda self, load: None} | more)).outcome
+
+
+@pytest.mark.parametrize(("kind", "told"), [
+    ("wall remembers", "wet: a State is kept of material agents only; let Wall have"),
+    ("face State", r"^face_agent: worn: a State is kept .* attribute, worn = 0.0, seen in"),
+    ("face Parameter", "^face_agent: relax: ElasticModel takes no Parameter; .* relax = 1.4, seen"),
+])  # fmt: skip
+def test_what_is_not_kept_is_told_of_that_kind_alone(kind, told):
+    with pytest.raises(KajuError, match=told):
+        run(REFUSED[kind])
 
 
 def forgets(agent, load):

@@ -461,7 +461,8 @@ def _flat(name: str, value: Any) -> Iterator[tuple[str, Any]]:
 
 def _found(result: Any, table: Mapping[str, Any], name: str) -> Any:
     """Return ``reaction.bottom.1`` of a summary, or ``last.ledger.taken`` of the result."""
-    found: Any = table if key_path(name).split(".")[0] in table else result
+    first, homes = key_path(name).split(".")[0], (table, getattr(result, "states", None))
+    found: Any = next((h for h in homes if isinstance(h, Mapping) and first in h), result)
     for key in key_path(name).split("."):
         try:
             if isinstance(found, Mapping):
@@ -486,8 +487,11 @@ def _figure(name: str, value: Any) -> Any:
     value = plain(value)
     if value is None:
         return math.nan
-    told = f"measure: {name!r} must be one number, text or truth value"
-    require(_is_figure(value), f"{told}, got {type(value).__name__}")
+    told = f"measure: {name!r} must be one number, text or truth value, got {type(value).__name__}"
+    cure = "of many values take one number, such as their sum"
+    if hasattr(value, "meaning"):  # the course of a State
+        cure += f', by lambda result: result.states["{value.name}"].values().sum()'
+    require(_is_figure(value), f"{told}; {cure}")
     return value
 
 

@@ -14,7 +14,7 @@ import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
-from itertools import islice
+from itertools import count, islice
 from numbers import Integral
 from threading import current_thread, main_thread
 from time import monotonic
@@ -37,17 +37,18 @@ _one_of_many = ContextVar("_one_of_many", default=False)
 
 
 def chosen(order: Order[A], waiting: list[A]) -> list[A]:
-    """Return the agents that an order of your own lets act."""
-    answer = order(list(waiting))
+    """Return the agents that an order of your own lets act; it may name some without end."""
+    mixed = "to shuffle them, return waiting[0].random.sample(waiting, len(waiting))"
     try:
-        acting = list(islice(answer, len(waiting) + 1))  # it may never come to an end
-        right = 0 < len(acting) == len({*acting} & {*waiting})
-    except TypeError:
-        acting, right = [], False
-    if not right:
+        answer: Any = order(list(waiting))
+    except AttributeError as error:  # as of waiting.shuffle()
+        error.add_note(f"order gets a list of agents; {mixed}")
+        raise
+    acting = list(islice(answer, len(waiting) + 1)) if hasattr(answer, "__iter__") else []
+    if not 0 < len(acting) == len({*map(id, acting)} & {*map(id, waiting)}):
         told = f"must return at least one of the {len(waiting)} agents that it gets, each once, and"
         told += f" no others; it returned {len(acting)} ({brief(answer)})"
-        raise ParameterError(f"order: {told}")
+        raise ParameterError(f"order: {told}{f'; {mixed}' * (answer is None)}")
     return acting
 
 
@@ -77,14 +78,13 @@ def step_to_end(
     asked = "until: a function of the model (until=lambda model: ...), or a number of steps above 0"
     fits = until is None or whole or (callable(until) and takes(until, model))
     require(fits, f"{asked}, is needed, got {until!r}")
-    left = int(until) if isinstance(until, Integral) else None
 
     def steps() -> Answer:
-        nonlocal left
         with progress_line(shown) as report:
-            while model.running and left != 0 and not (callable(until) and until(model)):
+            for _ in range(int(until)) if isinstance(until, Integral) else count():
+                if not model.running or (callable(until) and until(model)):
+                    break
                 model.step()
-                left = None if left is None else left - 1
                 if line is not None:
                     report(line)
                 if interrupt_requested():

@@ -79,8 +79,10 @@ def test_what_is_overridden_is_recorded_and_named(name):
     assert header.get("dropped") == again.get("dropped") == (ended if any(ended) else None)
     assert header.get("absorbed") == again.get("absorbed")
     assert header["verdict"] == f"{model.outcome}, {agents} agents" or model.certificate.known
-    # A result does not know its classes; what they did tells them from the rule's own.
-    assert header_of(packed_page(model.run()))["kind"] == "recorded"
+    # A result knows the names of classes; what they did tells orders from the rule's own.
+    told = header_of(packed_page(model.run()))
+    assert told["kind"] == "recorded"
+    assert told.get("own", {"names": ["first_only"]})["names"] == [name]
 
 
 def test_a_run_that_was_cut_short_is_recorded():

@@ -46,6 +46,8 @@ def test_a_row_is_the_run_that_it_stands_for():
 class OnlyAhead(MaterialAgent):
     """Passes half of everything straight on."""
 
+    tired = kaju.State(False, "hands on")
+
     def pass_on(self, load):
         if 0.5 * load.magnitude > self.model.threshold:
             ahead = load._replace(magnitude=0.5 * load.magnitude)
@@ -61,6 +63,9 @@ def test_every_model_and_agents_of_ones_own():
     partly = partial(LoadModel, material_agent=OnlyAhead)
     own = alone(SCENE, forces, "material_agents", run=partly)
     assert own["material_agents"].tolist() == [7, 8]
+    for name in ("tired", "states.tired"):
+        with pytest.raises(kaju.KajuError, match=r'result\.states\["tired"\]\.values\(\)\.sum'):
+            alone(SCENE, forces, ["generations", name], run=partly)
     own = alone(SCENE, forces, "material_agents", run=own_agents)
     assert own["material_agents"].tolist() == [7, 8]
     radius = alone(SCENE, {"rule.alpha[1]": [0.1, 0.5]}, "spectral_radius", run=kaju.stability)

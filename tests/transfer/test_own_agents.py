@@ -1,5 +1,8 @@
 """Agents, boundaries, orders and rules of one's own."""
 
+import random
+import traceback
+
 import numpy as np
 import pytest
 from plates import loaded, plate
@@ -94,6 +97,18 @@ def test_an_order_of_ones_own():
     by_place = [stage.taken[np.lexsort(stage.cells.T)] for stage in (alone, together)]
     np.testing.assert_allclose(*by_place, rtol=1e-12)
     assert alone.ledger.imbalance < 1e-12
+
+
+@pytest.mark.parametrize(("order", "kind"), [
+    (lambda waiting: waiting.shuffle(), AttributeError), (random.shuffle, ParameterError),
+])  # fmt: skip
+def test_an_order_that_shuffles_a_list_in_place_is_told_what_to_return(order, kind):
+    with pytest.raises(kind) as told:
+        LoadModel(column(), order=order).run()
+    lines = traceback.format_exception_only(told.value)
+    assert "return waiting[0].random.sample(waiting, len(waiting))" in "".join(lines)
+    mixed = LoadModel(column(), order=lambda w: w[0].random.sample(w, len(w)), seed=3).run()
+    assert mixed.seed == 3
 
 
 class AsElastic:

@@ -186,7 +186,9 @@ def packed_page(
         shown, account = _watched(of)
     else:
         shown = of if isinstance(of, (Scene, Result)) else of.run()
-    header: dict[str, Any] = {"format": FORMAT, "text": text, **own}
+    named = own or {"own": {"names": getattr(shown, "own_agents", ()), "source": ""}}
+    header: dict[str, Any] = {"format": FORMAT, "text": text}
+    header |= named if named["own"]["names"] else {}
     header |= {name: told for name, told in (about or {}).items() if told}
     scene = shown.scene if isinstance(shown, TransferResult) else shown
     if not isinstance(shown, Scene) and not (

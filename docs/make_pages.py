@@ -163,7 +163,7 @@ def make_lesson(of: Lesson, folder: Path) -> list[Path]:
 def pages_of(of: Lesson, number: int) -> list[str]:
     """Return the pages that a question asks for, or those of the last one before it with any."""
     for q in reversed(of.texts["en"].questions[: number + 1]):
-        if links := re.findall(r"\(([\w-]+\.html)\)", q.asks + q.note):
+        if links := re.findall(r"\(([\w.-]+\.html)\)", q.asks + q.note):
             return links
     return [f"{of.name}.html"]
 

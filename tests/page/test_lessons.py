@@ -160,6 +160,7 @@ def test_a_guess_is_not_judged_and_what_a_question_looks_at_is_there(opened, tmp
     assert page.text("h1") == "Ein doppelt so feines Netz mit dem Schnitt · Wie Dinge brechen"
     assert page.js("[page.lesson.step, page.g === 0]") == ["explain", True]
     assert make_pages.asked_for(lesson("how-things-break"), "how-things-break-fine-whole.html") == 2
+    assert make_pages.pages_of(lesson("a-lattice-bends"), 3) == ["a-lattice-bends-0.2-N.html"]
     assert page.text("a[aria-current]") == "mit dem Schnitt"  # this page
     assert page.text(".recalled").startswith("Du hast noch nicht vermutet: Beginne mit")
     page.js("(page.lesson.answers.warning = ['', '', '2 cm'], page.lesson.open(3))")

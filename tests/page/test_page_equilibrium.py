@@ -52,6 +52,12 @@ def test_loads_beyond_all_bounds_leave_elasticity_its_colours(twin):
     twin.until("page.run.grown && page.elastic.answer && (page.draw(), page.drawn)")
     for drawn in both(twin, "along"):
         assert drawn["scale"]["high"] == pytest.approx(2.0, rel=0.1)  # the load, not 50 GN
+    for generation in (5, 60):
+        twin.js(f"page.seek({generation})")
+        high, most = twin.js(
+            "[page.scale('taken').high, Math.max(...page.values('taken').map((v) => v || 0))]"
+        )
+        assert most <= high < 10.0 * most
 
 
 @pytest.mark.parametrize("dark", [False, pytest.param(True, marks=pytest.mark.slow)])

@@ -301,6 +301,13 @@ def test_the_editor_is_used_by_keys_alone_and_open_to_everybody(opened, pages):
     page.check_open_to_everybody(390)
 
 
+def test_the_timeline_of_many_stages_keeps_to_the_picture_beside_the_editor(shown):
+    page = shown(plate([8, 8], [4, 7], steps=20), python=True)
+    foot, last = (page.tab.locator(of).last.bounding_box() for of in ("footer", "footer select"))
+    assert last["x"] + last["width"] <= foot["x"] + foot["width"]
+    assert last["y"] + last["height"] <= foot["y"] + foot["height"] <= 720
+
+
 def test_without_brython_the_error_says_what_to_install(monkeypatch, tmp_path):
     written.worker.cache_clear()
     monkeypatch.setitem(sys.modules, "brython", None)

@@ -248,17 +248,18 @@ export class Page {
     const { axes } = this.run.lattice, { kept } = this.sums;
     return axes.reduce((sum, _, n) => sum + Math.abs(kept.sum[k * axes.length + n]), 0);
   }
-  /** Ends of the colours, from the last generation, so that frames compare. */
+  /** Ends of the colours, from the last generation, so that frames compare; of loads that grow without end three decades of the present. */
   scale(colour = this.look.colour) {
     if (!this.scales.has(colour)) {
       const keep = this.g, { value, n } = this.run.taken;
       this.goTo(Infinity);
       const high = largest(colour === "now" ? value.subarray(0, n) : this.values(colour));
       this.goTo(keep);
-      const log = ["taken", "now", "kept", "stress"].includes(colour);
-      this.scales.set(colour, { high: high || 1, low: log ? Math.max((high > 1e6 * this.run.applied ? 1e-12 : 1e-4) * high, Math.min(0.1 * high, colour === "taken" ? this.scene.rule.threshold ?? 0 : 0)) || 1e-4 : colour === "spawn" ? 1 : 0, log });
+      const log = ["taken", "now", "kept", "stress"].includes(colour), grown = log && (this.run.grown || (colour !== "stress" && high > 1e6 * this.run.applied));
+      this.scales.set(colour, { high: high || 1, low: log ? Math.max(1e-4 * high, Math.min(0.1 * high, colour === "taken" ? this.scene.rule.threshold ?? 0 : 0)) || 1e-4 : colour === "spawn" ? 1 : 0, log, grown });
     }
-    return this.scales.get(colour);
+    const scale = this.scales.get(colour), now = scale.grown ? 10 ** Math.ceil(Math.log10(largest(this.values(colour)) || 1)) : 0;
+    return now ? { ...scale, high: now, low: 1e-3 * now } : scale;
   }
   /** By how much displacements are magnified: the largest is shown as a fifteenth of the body. */
   magnification() {

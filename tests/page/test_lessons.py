@@ -171,6 +171,16 @@ def test_a_guess_is_not_judged_and_what_a_question_looks_at_is_there(opened, tmp
     page.until("page?.drawn && page.lesson?.here === 'how-things-break.html'")
     assert page.js("page.lesson.at") == 1
     assert page.requests.pop() == (tmp_path / "how-things-break.html").as_uri()  # and no other
+    page = opened(finer, width=390, height=844, touch=True)  # on a phone nothing is covered
+
+    def side(part, edge):
+        return page.js(f"page.root.querySelector('{part}').getBoundingClientRect().{edge}")
+
+    assert side(".recalled a", "right") < side(".grip", "left")
+    page.tab.locator("input.field").first.fill("9")
+    page.tab.keyboard.press("Tab")
+    assert side("small.bad", "bottom") < side(".foot", "top")
+    assert side(".charts", "bottom") < side(".fields", "top")
     page = opened(*make_pages.make_lesson(lesson("blow-up"), tmp_path))
     page.js("page.lesson.open(1)")
     assert "Every load ends" in page.text(".verdict")

@@ -50,8 +50,11 @@ def test_a_sentence_that_is_untrue_is_found():
 def test_a_worksheet_is_whole(name):
     of = lesson(name)
     for text in of.texts.values():
-        begin_and_end = map(int, re.findall(r"\((\d+) (?:min|Min\.|分)\)", text.plan))
-        assert sum(question.minutes for question in text.questions) + sum(begin_and_end) == 45
+        begin, end = map(int, re.findall(r"\((\d+) (?:min|Min\.|分)\)", text.plan))
+        minutes = [begin, *(question.minutes for question in text.questions), end]
+        (told,) = re.findall(r"^\*\*(?:Minutes\.|Minuten\.|時間（分）。)\*\* (.*)", text.plan, re.M)
+        assert list(map(int, re.findall(r"\d+", told))) == minutes
+        assert sum(minutes) == 45
         assert len(text.questions) == len(text.answers) == len(of.kinds)
         assert len(text.presets) == len(of.scenes)
         for number, question in enumerate(text.questions):

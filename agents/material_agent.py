@@ -148,9 +148,7 @@ class MaterialAgent(PlacedAgent):
         """Return the loads to take in the next step, pushes before pulls."""
         new = tuple.__new__  # takes a third of the time of Load(...), and there are thousands
         loads = [new(Load, (d, size, copies, s)) for (d, size, s), copies in self.inbox.items()]
-        if self.engine.two_senses:
-            loads.sort(key=lambda load: load[3] == "pull")
-        return loads
+        return sorted(loads, key=lambda one: one[3] == "pull") if self.engine.two_senses else loads
 
     def take(self, load: Load) -> None:
         """Keep the own share of a load: book it in `taken`, and add what stays to `kept`.

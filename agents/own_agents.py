@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from difflib import get_close_matches
 from inspect import signature, unwrap
-from itertools import chain, islice
+from itertools import islice, takewhile
 from numbers import Integral
-from traceback import walk_tb
 from types import CodeType, FunctionType
 from typing import Any
 
@@ -56,13 +54,12 @@ def check_class(name: str, agent: object, base: type) -> None:
     usual = BOUNDARIES["rigid"] if base is BoundaryAgent else base
     if not (isinstance(agent, type) and issubclass(agent, base)):
         cure = f"write `class Mine(kaju.{usual.__name__})` and give the class itself"
-        if isinstance(agent, type) and issubclass(agent, BoundaryAgent):
-            cure = f'a boundary goes into boundary_agents={{"rigid": {agent.__name__}}}'
+        if isinstance(agent, type) and hasattr(agent, "goes_into"):
+            cure = f"it goes into {agent.goes_into.format(agent.__name__)}"
         needed = f"{name}: a subclass of {base.__name__} is needed, got {brief(agent)}"
         raise ParameterError(f"{needed}; {cure}")
-    classes = agent.__mro__[: agent.__mro__.index(base)][::-1]
-    own = [vars(one).items() for one in classes if one not in BOUNDARIES.values()]
-    brought = {key: value for items in own for key, value in items}
+    own = [*takewhile(lambda one: one not in (base, *BOUNDARIES.values()), agent.__mro__)]
+    brought = {key: value for one in reversed(own) for key, value in vars(one).items()}
     _check_hooks(f"{name}: {agent.__name__}", agent, base, brought)
     _check_names(name, agent, base, brought)
 
@@ -70,38 +67,36 @@ def check_class(name: str, agent: object, base: type) -> None:
 def every_name(base: type) -> set[str]:
     """Return the names of a class's attributes, and all that its `__init__`s use."""
     begins = [unwrap(vars(one).get("__init__", one)) for one in base.__mro__]
-    codes = [begin.__code__ for begin in begins if isinstance(begin, FunctionType)]
-    return set(dir(base)).union(*(code.co_names for code in codes))
+    return {*dir(base)}.union(*map(_names_in, begins))
+
+
+def _names_in(of: Any) -> set[Any]:
+    """Return the names and texts in a function or a property, and in functions that it makes."""
+    code = getattr(getattr(of, "fget", of), "__code__", of)
+    if isinstance(code, CodeType):
+        return {*code.co_names}.union(*map(_names_in, code.co_consts))
+    return {code} if isinstance(code, str) else set()
 
 
 def _check_names(name: str, agent: type, base: type, brought: dict[str, Any]) -> None:
     """Refuse names that the base uses itself, and Parameters and States that are not kept."""
     used = every_name(base)
-    for key in [key for key in brought if not key.startswith("_")]:
-        value, usual = brought[key], getattr(base, key, None)
-        plain = not hasattr(value, "__get__") and hasattr(usual, "__get__")
+    for key, value in brought.items():
+        plain = not hasattr(value, "__get__") and hasattr(getattr(base, key, None), "__get__")
         hides = key in used if isinstance(value, Declaration) else plain
         told = f"{key}: {base.__name__} uses this name; take another in {agent.__name__}"
         require(not hides, told)
     declares = declared([agent], Declaration if base is FaceAgent else State)
     for key, one in declares.items() if base is not MaterialAgent else ():
         state = "a State is kept of material agents only" * isinstance(one, State)
-        cure = f"let {agent.__name__} have a plain attribute, {key} = {one.default!r}"
-        why = f"{state or 'ElasticModel takes no Parameter'}; {cure}, seen in model.agents"
-        raise ParameterError(f"{name}: {key}: {why}")
-
-
-def _names_in(code: CodeType) -> set[object]:
-    """Return the names and the texts in a function, and in functions that it makes."""
-    inner = [_names_in(one) for one in code.co_consts if isinstance(one, CodeType)]
-    return {*code.co_names, *code.co_consts}.union(*inner)
+        told = f"{name}: {state or 'ElasticModel takes no Parameter'}; let {agent.__name__} have"
+        cure = f"a plain attribute, {key} = {one.default!r}, seen in model.agents"
+        raise ParameterError(f"{told} {cure}")
 
 
 def _check_hooks(whose: str, agent: type, base: type, brought: dict[str, Any]) -> None:
     """Refuse methods that nobody calls, hooks with other arguments, steps that take none."""
-    functions = {key: getattr(value, "fget", value) for key, value in brought.items()}
-    used = {k: _names_in(f.__code__) for k, f in functions.items() if isinstance(f, FunctionType)}
-    own = {k for k in used if brought[k] is functions[k] and k[0] != "_"}  # no properties
+    own = {k for k, one in brought.items() if isinstance(one, FunctionType) and k[0] != "_"}
     usual = own.isdisjoint(HOOKS[base])  # then a method that takes loads was meant to be one
     never = {"step", "advance"} - {*HOOKS[base]}  # Mesa's; kaju calls steps of cells only
     for key in sorted(own - (set(dir(base)) - never)):
@@ -111,7 +106,7 @@ def _check_hooks(whose: str, agent: type, base: type, brought: dict[str, Any]) -
         meant = [f"did you mean {one!r}?" for one in near]
         meant += [f"should it be a {one.__name__}?" for one in HOOKS if key in HOOKS[one]]
         meant += [f"it calls {', '.join(HOOKS[base])}."] * lost
-        called = any(key in used[name] for name in used if name != key)
+        called = any(key in _names_in(one) for name, one in brought.items() if name != key)
         told = f"{whose} has a method {key!r}, which kaju never calls; {''.join(meant[:1])} If the"
         require(called or not meant, f"{told} name is intended, begin it with _")
     for hook in own & {*HOOKS[base]} | {"__init__"}:
@@ -120,30 +115,11 @@ def _check_hooks(whose: str, agent: type, base: type, brought: dict[str, Any]) -
         cure = "; take *start and call super().__init__(*start) first" * (hook == "__init__")
         require(takes(function, *start), f"{told} ({', '.join(start)}){cure}")
     told = f"{whose}.step never calls super().step(), so its agents would take no load; call it,"
-    acts = "step" not in own or {"step", "take", "pass_on"} & used["step"]
+    acts = "step" not in own or {"step", "take", "pass_on"} & _names_in(brought["step"])
     require(bool(acts), f"{told} or override take, emissions or pass_on instead")
 
 
 # Answers, in a run.
-
-
-@contextmanager
-def noting_agents() -> Iterator[None]:
-    """Add to an error from within an agent's hook a note of whose, where and when."""
-    try:
-        yield
-    except Exception as error:
-        called = ""
-        for frame, _ in walk_tb(error.__traceback__):
-            agent, hook = frame.f_locals.get("self"), frame.f_code.co_name
-            if hook in chain(*HOOKS.values()) and isinstance(agent, PlacedAgent | FaceAgent):
-                called, within = agent.model.engine.guard.called(agent), hook
-        if called and called not in str(error):
-            told = f"in {within} of {called}"
-            told += "; agent_at of a cell that sleeps is None" * ("'NoneType'" in str(error))
-            told += "; [*super().emissions(load), row] adds a row" * ("te tuple" in str(error))
-            error.add_note(told)
-        raise
 
 
 class OwnAgents:

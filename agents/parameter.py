@@ -73,8 +73,7 @@ class Parameter(Declaration):
     ) -> None:
         super().__init__(default, low, high)
         self.name, self.text = f"Parameter({default!r}, {low!r}, {high!r})", text
-        numbers = is_number(low) and is_number(high)
-        bounded = self.is_bool or (numbers and low <= high)  # type: ignore[operator]
+        bounded = self.is_bool or (is_number(low) and is_number(high) and self.low <= self.high)
         example = f'Parameter({default!r}, 0, 10, "what it means")'
         told = f"low, high: two numbers are needed, the smaller first, as in {example}"
         require(bounded, f"{told}, got {low!r} and {high!r}")

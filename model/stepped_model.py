@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from itertools import chain
 from numbers import Integral
+from traceback import walk_tb
 from types import SimpleNamespace
 from typing import Any, Self
 
 from numpy.random import default_rng
 
 from kaju._mesa import DataCollector, Model, number_agents_of, track_figures
-from kaju.agents.own_agents import noting_agents
+from kaju.agents.face_agent import FaceAgent
+from kaju.agents.material_agent import PlacedAgent
+from kaju.agents.own_agents import HOOKS
 from kaju.errors import AgentError, ParameterError, brief, require
 from kaju.result_kinds import html_in_notebook
 
@@ -167,3 +172,22 @@ def _collect(collector: Any, model: SteppedModel) -> None:
     if step in filed and not hasattr(collector, "_collection_steps"):
         rows = max(map(len, collector.model_vars.values()), default=step)
         filed[rows - 1] = filed.pop(step)
+
+
+@contextmanager
+def noting_agents() -> Iterator[None]:
+    """Add to an error from within an agent's hook a note of whose, where and when."""
+    try:
+        yield
+    except Exception as error:
+        called = ""
+        for frame, _ in walk_tb(error.__traceback__):
+            agent, hook = frame.f_locals.get("self"), frame.f_code.co_name
+            if hook in chain(*HOOKS.values()) and isinstance(agent, PlacedAgent | FaceAgent):
+                called, within = agent.model.engine.guard.called(agent), hook
+        if called and called not in str(error):
+            told = f"in {within} of {called}"
+            told += "; agent_at of a cell that sleeps is None" * ("'NoneType'" in str(error))
+            told += "; [*super().emissions(load), row] adds a row" * ("te tuple" in str(error))
+            error.add_note(told)
+        raise

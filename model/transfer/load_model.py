@@ -13,14 +13,14 @@ from typing import Any, Literal
 from kaju._mesa import AgentSet, Model
 from kaju.agents.boundary_agent import BoundaryAgent
 from kaju.agents.material_agent import MaterialAgent
-from kaju.agents.own_agents import every_name, noting_agents, own_classes
+from kaju.agents.own_agents import every_name, own_classes
 from kaju.agents.parameter import Parameter, State, declared
 from kaju.agents.rules import ShareRule
 from kaju.agents.shares import Load
 from kaju.errors import ParameterError, brief, require, unknown
 from kaju.model.scene import Scene, scene_needed
 from kaju.model.scene.description import TABLES
-from kaju.model.stepped_model import SteppedModel
+from kaju.model.stepped_model import SteppedModel, noting_agents
 from kaju.result_kinds import KINDS
 from kaju.stepping import Order, Until, step_to_end, takes_objects
 

@@ -43,7 +43,7 @@ def test_a_class_is_given_and_not_an_agent():
     for given in ((), (LoadModel(column()),)):
         with pytest.raises(AgentError, match="without brackets: Growing"):
             LoadModel(column(), material_agent=Growing(*given))
-    with pytest.raises(ParameterError, match="a boundary goes into boundary_agents="):
+    with pytest.raises(ParameterError, match="it goes into LoadModel, boundary_agents="):
         LoadModel(column(), material_agent=Felt)
     with pytest.raises(ParameterError, match="goes into material_agent="):
         LoadModel(column(), Growing)

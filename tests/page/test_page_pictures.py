@@ -124,6 +124,17 @@ def test_every_kind_plays_without_a_word_to_the_console(shown, make):
         assert page.told()[0] == page.js("page.value(0, page.colours[0])")
 
 
+def test_a_rod_tells_how_far_its_middle_moves(shown):
+    result = noodle()
+    page = shown(result)
+    page.js("page.goTo(8)")
+    told = page.js("Array.from({ length: page.count }, (_, rod) => page.value(rod, 'move'))")
+    ends = result.displacement[8][result.network.springs]
+    np.testing.assert_allclose(told, np.linalg.norm(ends.mean(axis=1), axis=1), atol=1e-7)
+    page.js("(page.picked = 3, page.fields.tension[8][3] = 1e-14)")  # what rounding leaves of 0
+    assert page.js("page.read('tension')") == "0 mN"
+
+
 def test_outlines_are_lines_that_the_agents_move():
     result = outlined()
     header, columns = motion_data(result)

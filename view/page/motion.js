@@ -93,9 +93,25 @@ export class MotionPage extends Page {
   /** Springs that tear at this frame. */
   get breaking() { const { gone, at, g, corners } = this; return g && gone && corners === 2 ? Array.from(gone.keys()).filter((s) => gone[s] > at[g - 1] + 1 && gone[s] <= at[g] + 1) : []; }
   value(part, name = this.look.colour) {
-    if (name === "move") return this.far(this.moved[this.g], Math.floor(this.parts[part * this.corners] * this.dimension / this.each));
+    if (name === "move") return this.shift(part);
     const frames = this.fields[name];
     return frames ? (frames[this.g] ?? frames[0])[part] : NaN;
+  }
+  /** A number of the picked part in words; a millionth of the largest is the rounding of a 0. */
+  read(name = this.look.colour) {
+    const v = this.value(this.picked, name), { log, high } = this.scale(name);
+    return quantity(!log && Math.abs(v) < 1e-6 * high ? 0 : v, this.unitOf(name), log ? 0 : high);
+  }
+  /** How far the middle of a part has moved. */
+  shift(part) {
+    const { parts, corners, dimension: d, each, moved: { [this.g]: moved } } = this;
+    let far = 0;
+    for (let a = 0; a < d; a++) {
+      let sum = 0;
+      for (let i = part * corners; i < (part + 1) * corners; i++) sum += moved[d * Math.floor(parts[i] * d / each) + a];
+      far += (sum / corners) ** 2;
+    }
+    return Math.sqrt(far);
   }
   far(moved, i) {
     let sum = 0;
@@ -230,7 +246,7 @@ export class MotionPage extends Page {
   tell() {
     const { picked, parts, t } = this, rod = this.lesson && this.along === "s" && this.corners === 2 ? [rodOf(this)] : [];
     if (picked < 0 || !this.there(picked)) { parts.story.replaceChildren(...rod, make("p", { textContent: t(this.corners === 2 ? (this.along === "s" ? "pickRod" : "pickSpring") : this.born ? "pickAgent" : "pickPart") })); return; }
-    const row = (name, value = this.value(picked, name), { log, high } = this.scale(name)) => [make("dt", { textContent: this.word(name) }), make("dd", {}, make("data", { value: String(value), textContent: quantity(value, this.unitOf(name), log ? 0 : high) }))];
+    const row = (name) => [make("dt", { textContent: this.word(name) }), make("dd", {}, make("data", { value: String(this.value(picked, name)), textContent: this.read(name) }))];
     const known = (name) => (name === "move" && this.born ? this.moved[this.g].some(Boolean) : !Number.isNaN(this.value(picked, name)));   // generations before the last tell less
     const rows = (this.lesson && this.born ? [this.look.colour] : this.colours).filter(known).flatMap((name) => row(name));
     if (this.born && !this.fields.spawn_step) rows.push(make("dt", { textContent: t("woken") }), make("dd", {}, `${t(`along_${this.along}`)} `, make("data", { value: String(this.born[picked]), textContent: String(this.born[picked]) })));
@@ -242,7 +258,7 @@ export class MotionPage extends Page {
     if (!box.isConnected) return;
     const { lesson } = this, seen = this.seen = Math.max(this.seen ?? 0, g), limit = !lesson || lesson.teacher ? Infinity : at[seen];   // what a lesson lets read is played first
     const list = lesson?.curves ? lesson.curves.flatMap((name) => curveList.find(({ title }) => title.startsWith(name)) ?? []) : curveList.slice(0, 6), shown = (lines, all = Object.entries(lines)) => all.filter(([, list]) => all.length < 4 || largest(list) > 0.01 * Math.max(...Object.values(lines).map(largest)));   // of many, those that are not nothing
-    if (g && lesson && this.canvas.clientWidth < 520) this.parts.cap.textContent = list.filter(({ place }) => !place).map(({ title, unit, at: over, lines }) => `${named(title)}: ${Object.values(lines).map((line) => quantity(line[over.findIndex((v) => v >= at[g])], unit, largest(line))).join(", ")}`).concat(this.picked >= 0 && this.there(this.picked) ? `${this.word(this.look.colour)} ${quantity(this.value(this.picked), this.unitOf(this.look.colour))}` : [], this.breaking.length && g === this.run.generation ? this.parts.verdict.textContent : []).join(" · ");   // on a phone the charts, and what was clicked, are a long way down
+    if (g && lesson && this.canvas.clientWidth < 520) this.parts.cap.textContent = list.filter(({ place }) => !place).map(({ title, unit, at: over, lines }) => `${named(title)}: ${Object.values(lines).map((line) => quantity(line[over.findIndex((v) => v >= at[g])], unit, largest(line))).join(", ")}`).concat(this.picked >= 0 && this.there(this.picked) ? `${this.word(this.look.colour)} ${this.read()}` : [], this.breaking.length && g === this.run.generation ? this.parts.verdict.textContent : []).join(" · ");   // on a phone the charts, and what was clicked, are a long way down
     paintGrid(box, list.map(({ title, unit, at: over, axis, lines, logarithmic, course, bars, place }) =>
       ({ word: named(title), unit, over, lists: shown(lines).map(([, list]) => list), names: shown(lines).map(([name]) => named(name)), now: place ? null : at[g], log: logarithmic, course, bars, axis, along: place || course ? "" : this.way, end: place || course ? 0 : at.at(-1), limit: place && limit < at.at(-1) ? -Infinity : limit })), inks);
   }

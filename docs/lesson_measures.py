@@ -176,6 +176,10 @@ PLANE: Words = {
     # forces through rows, and how wide the pressure is
     "cuts": lambda seen: seen.run.cuts("y").carried[::-1].round(6).tolist(),
     "cut": lambda seen, row: seen.cuts()[row - 1],
+    "along": lambda seen, *cell: float(  # what a cell bears along the load
+        -seen.run.stress_at(seen.scene.lattice.centres(np.array([cell])))[0, 1, 1]
+        * (seen.scene.lattice.cell_size * seen.scene.thickness)
+    ),
     "elastic_cut": lambda seen, row: float(seen.elastic.cuts("y").carried[-row]),
     "elastic_cuts_kept": lambda seen: bool(
         np.allclose(seen.elastic.cuts("y").carried, seen.put_on(), rtol=1e-9, atol=0.0)

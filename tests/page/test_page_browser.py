@@ -53,7 +53,8 @@ def test_clicked_agents_tell_the_numbers_of_the_table(shown):
     for row, agent in table.iloc[:: len(table) // 12].iterrows():
         page.click((agent.cell_x, agent.cell_y))
         taken = [agent[f"taken_{name} (N)"] for name in ("-x", "+x", "-y", "+y")]
-        expected = [sum(taken), *(t for t in taken if t), 0.5 * sum(taken)]
+        along = [0.5 * (taken[n] + taken[n + 1]) for n in (0, 2)]
+        expected = [sum(taken), *(t for t in taken if t), sum(along), *(k for k in along if k)]
         expected += [*(p for p in result.last.passed[row] if p), agent["dropped (N)"]]
         assert page.told()[: len(expected)] == pytest.approx(expected, rel=1e-12, abs=1e-15)
         assert f"in generation {agent.spawn_step} by" in page.text(".story")

@@ -1,6 +1,7 @@
 """The page's twin, ruler and cuts: the numbers are Python's, and both answers are drawn alike."""
 
 import csv
+import re
 
 import numpy as np
 import pytest
@@ -141,6 +142,24 @@ def test_cuts_are_those_of_python(name, shown):
     np.testing.assert_allclose(numbers["rule (N)"], rule.carried, atol=1e-12 * load)
     np.testing.assert_allclose(numbers["needed (N)"], rule.balance, atol=1e-12 * load)
     np.testing.assert_allclose(numbers["elasticity (N)"], elastic.carried, atol=2e-12 * load)
+
+
+def test_arrows_at_a_cut_are_to_scale_and_a_cell_tells_what_it_bears(shown):
+    page = shown(Scene(**PLATE))  # the rule carries 0.6875 N of 2 N in row 16, in row 11 nothing
+    page.press("Equilibrium")
+    page.until("page.elastic.answer")
+    drawn = (
+        "Array.from(page.cutCards[0].querySelectorAll('.arrow'), (path) => path.getAttribute('d'))"
+    )
+    for row, carried in (16, 0.6875), (11, 0.0):
+        page.js(f"page.set('row', {row})")
+        page.until(f"page.parts.cap.textContent.startsWith('row {row}')")
+        shares = [v for v in (2.0, carried, 2.0 - carried) if v]
+        ends = [re.match(r"M\d+ ([\d.]+)V([\d.]+)", path).groups() for path in page.js(drawn)]
+        lengths = [abs(float(b) - float(a)) for a, b in ends]
+        assert lengths == pytest.approx([22.0 * share for share in shares])
+    page.click((9, 14))
+    page.until("page.parts.cap.textContent.includes('(9, 14): rule 46.88 mN')")
 
 
 LEDGER = """

@@ -239,8 +239,9 @@ export function storyOf(page, k) {
     if (Math.floor(index[i] / C) === k) now.push([index[i] - k * C, value[i]]);
   }
   const own = run.scene.rule.alpha === undefined ? null : sharesOf(run.scene.rule, material, L.dimension).own;
-  return { cell: L.cell(k), material: material.name, spawn: spawn[k], wakers, taken, total,
-    kept: own === null || (sums.kept && !known) ? null : sums.kept ? page.keptBy(k) : own * total,
+  const on = (c, axis) => c % D === axis || L.opposite[c % D] === axis;
+  const along = own === null || (sums.kept && !known) ? null : sums.kept ? page.keptAlong(k) : L.axes.map((axis) => own * taken.reduce((sum, v, c) => sum + (on(c, axis) ? v : 0), 0));
+  return { cell: L.cell(k), material: material.name, spawn: spawn[k], wakers, taken, total, along, kept: along && along.reduce((a, b) => a + b),
     passed: at("passed", D), dropped: at("dropped")?.[0] ?? null, returned: at("returned")?.[0] ?? null, now };
 }
 
@@ -265,7 +266,7 @@ export function tellStory(page, element) {
   const wakers = story.wakers.map((w) => `(${L.cell(w).join(", ")})`).join(", ");
   row("woken", t("byWhom", { g: story.spawn, w: wakers || t("outside") }));
   row("took", data(story.total), ": ", ...several(nonzero(story.taken, name)));
-  row("keptIt", story.kept === null ? later : data(story.kept));
+  row("keptIt", ...(story.along ? [data(story.kept), ": ", ...several(nonzero(story.along, (n) => L.names[L.axes[n]].replace("+", "")))] : [later]));   // a cut counts what is along the load alone
   row("passedOn", ...(story.passed ? several(nonzero(story.passed, (a) => L.names[a])) : [later]));
   row("ended", story.dropped === null ? later : data(story.dropped));
   for (const [key, label, whether] of run.states ?? []) {

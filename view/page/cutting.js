@@ -1,6 +1,6 @@
 // Equilibrium at a glance: the force through every cut, rule beside elasticity; the part beyond a cut
 // as a free body; and where the force of the loads has gone.
-import { agentsOf, askElastic, bothOf, cutsOf, loadAxis } from "./twin.js";
+import { agentsOf, askElastic, bothOf, cutsOf, linesAt, loadAxis } from "./twin.js";
 import { ticksOf } from "./charts.js";
 import { button, draw, make, MODES } from "./controls.js";
 import { FONT, paintLegend, paintNumbers, paintWord } from "./paint.js";
@@ -53,20 +53,27 @@ function paintBars(page, view, cuts, box, upright) {
   ctx.lineWidth = 1.5; ctx.beginPath(); ctx.roundRect(hx - 11, hy - 10, 22, 20, 6); ctx.fill(); ctx.stroke();
   paintWord(ctx, upright ? "↕" : "↔", hx, hy, inks.ink, { ...inks, paper: "transparent" }, { align: "center" });
   // Beside small rows only the one that is cut has room for its number.
-  if (upright) for (const { at, carried } of cuts) if (u >= 13 || at === row) paintWord(ctx, Math.abs(carried) < SAME * high ? "0" : local((carried / by).toFixed(digits)), box.x + box.w, P(at + 0.5), inks.ink, inks, { align: "right" });
+  if (upright) for (const { at, carried } of cuts) if (u >= 13 || at === row) paintWord(ctx, Math.abs(carried) < SAME * high ? "0" : local((carried / by * (1 + 1e-12)).toFixed(digits)), box.x + box.w, P(at + 0.5), inks.ink, inks, { align: "right" });
   if (!page.elastic.answer) paintWord(ctx, page.elastic.why ? t("noAnswer", { why: page.elastic.why }) : t("solving"), upright ? box.x : view.x0, upright ? P(first) + 16 : box.y + box.h + 14, inks.elastic, inks);
 }
 
 // ------------------------------------------------------------------------------------- the cards
 
-/** The free body at the chosen cut: what presses, what holds, what is missing. */
-function freeBody({ t, ruleAlone, lesson }, cut) {
-  const arrow = (x, from, to, name, text) => [draw("path", { class: `arrow ${name}`, d: `M${x} ${from}V${to}m-6 ${to > from ? -7 : 7}l6 ${to > from ? 7 : -7}l6 ${to > from ? -7 : 7}` }), draw("text", { class: name, x: x + 10, y: (from + to) / 2 + 4 }, text)];
-  const { carried, needed } = cut, gap = needed - carried, asked = lesson && lesson.step !== "try" && !lesson.teacher && !lesson.isDone(lesson.question);   // pupils subtract first
-  return draw("svg", { class: "chart", viewBox: "0 0 340 132", role: "img", "aria-label": t("partAbove") }, ...arrow(120, 4, 38, "load", t("pressIt", { n: inOneUnit(needed, cut) })),
-    draw("rect", { class: "part", x: 30, y: 42, width: 180, height: 40, rx: 4 }), draw("text", { x: 120, y: 66, "text-anchor": "middle" }, t("partAbove")),
-    ...arrow(46, 126, 88, "rule", t("holdIt", { n: inOneUnit(carried, cut) })),
-    ...(!ruleAlone && Math.abs(gap) > SAME * Math.abs(needed) ? arrow(204, 126, 88, "bad", t(gap > 0 ? "missingIt" : "tooMuchIt", { n: asked ? "?" : inOneUnit(Math.abs(gap), cut) })) : []));
+/** Whether a lesson asks for what a card would tell. */
+const asks = ({ lesson }) => Boolean(lesson) && !lesson.teacher && !lesson.isDone(lesson.question);
+/** The free body at the chosen cut: what presses, what holds, what is missing or too much; arrows to one scale. */
+function freeBody(page, cut) {
+  const { t, ruleAlone, lesson } = page, { carried, needed } = cut, gap = needed - carried, asked = asks(page) && lesson.step !== "try";   // pupils subtract first
+  const n = asked ? "?" : inOneUnit(Math.abs(gap), cut), long = (v) => 44 * v / Math.max(Math.abs(needed), Math.abs(carried), 1e-300);
+  const arrow = (x, from, v, name, text, y) => {   // from its end at the body; up is above 0
+    const far = long(v), tip = Math.sign(far) * Math.min(7, Math.abs(far));
+    return [...(Math.abs(far) < 0.5 ? [] : [draw("path", { class: `arrow ${name}`, d: `M${x} ${from + far}V${from}m-${Math.abs(tip)} ${tip}l${Math.abs(tip)} ${-tip}l${Math.abs(tip)} ${tip}` })]), draw("text", { class: name, x: x + 12, y }, text)];
+  };
+  return draw("svg", { class: "chart", viewBox: "0 0 340 146", role: "img", "aria-label": t("partAbove") }, ...arrow(120, 46, -needed, "load", t("pressIt", { n: inOneUnit(needed, cut) }), 26),
+    draw("rect", { class: "part", x: 30, y: 50, width: 180, height: 40, rx: 4 }), draw("text", { x: 120, y: 74, "text-anchor": "middle" }, t("partAbove")),
+    ...arrow(46, 96, carried, "rule", t("holdIt", { n: inOneUnit(carried, cut) }), 116),
+    ...(ruleAlone || Math.abs(gap) <= SAME * Math.abs(needed) ? [] : gap > 0 ? arrow(204, 96, gap, "bad", t("missingIt", { n }), 116)
+      : [draw("path", { class: "arrow bad", d: `M46 ${96 + long(needed)}V${96 + long(carried)}` }), draw("text", { class: "bad", x: 58, y: 138 }, t("tooMuchIt", { n }))]));   // a part of what holds it
 }
 function cutCard(page, cuts) {
   const { t, run: { lattice: L }, scene } = page, { axis } = loadAxis(scene), cut = cuts.find(({ at }) => at === rowOf(page));
@@ -76,7 +83,7 @@ function cutCard(page, cuts) {
     Number.isNaN(cut.needed) ? make("p", { textContent: t("bothHeld") }) : freeBody(page, cut)];
 }
 /** On its way + ended + ground − made by the shares is what was put on, in every generation. */
-function whereCard(page) {
+function whereCard(page, cuts) {
   const { t, run, g } = page, { ledger } = run;
   if (!ledger) return [make("summary", { textContent: t("onlyTwin") })];
   if (run.grown) return [make("summary", { textContent: t("whereWent", { n: quantity(ledger.applied, "N") }) }), make("p", { textContent: t("grown") })];
@@ -90,7 +97,7 @@ function whereCard(page) {
   }
   const ticks = [...ticksOf(0, high, 2).map((v) => draw("text", { x: x - 4, y: Y(v) + 4, "text-anchor": "end" }, quantity(v, "N"))), ...ticksOf(0, rows.length - 1, 4).filter(Number.isInteger).map((i) => draw("text", { x: X(i), y: h - 4, "text-anchor": "middle" }, String(i)))];
   const words = { way: "onItsWay", ended: "itEnded", ground: "toGround", made: now.made > 0 ? "madeBy" : "lostBy" }, list = parts(now).filter(([name, v]) => name === "ground" || name === "way" || Math.abs(v) > SAME * applied);
-  const { own, out } = page.deformable ? { own: run.transfer.shares[0].own, out: run.transfer.emitted[0] } : {}, kept = run.taken.value.subarray(0, run.taken.offset[g]).reduce((a, b) => a + b, 0) * own;
+  const { own, out } = page.deformable ? { own: run.transfer.shares[0].own, out: run.transfer.emitted[0] } : {}, kept = cuts.reduce((sum, { carried }) => sum + carried, 0);
   return [make("summary", { textContent: t("whereWent", { n: quantity(applied, "N") }) }), make("p", { className: "small soft", textContent: t("overGenerations") }),
     draw("svg", { class: "chart where", viewBox: `0 0 ${w} ${h}`, role: "img", "aria-label": t("whereWent", { n: quantity(applied, "N") }) }, ...areas, draw("path", { class: "now", d: `M${X(g)} ${y}V${h - 20}` }), ...ticks),
     make("ul", { className: "where" }, ...list.map(([name, v]) => make("li", { className: name }, `${t(words[name])} `, make("data", { value: String(name === "made" ? -v : v), textContent: quantity(name === "made" ? Math.abs(v) : v, "N") }))), make("li", {}, t("wholeSum", { n: quantity(parts(now).reduce((sum, [, v]) => sum + v, 0), "N") }))),
@@ -99,6 +106,13 @@ function whereCard(page) {
 
 // --------------------------------------------------------------------------------------- mode
 
+/** Tell what the cell under a pointer bears along the load, beside it and beside the row that is cut. */
+function point(page, event) {
+  const cell = page.view.cellAt?.(event.offsetX, event.offsetY) ?? null, k = cell ? page.run.lattice.key(cell) : -1, told = page.run.kinds[k] >= 0;
+  page.pointed = told ? `(${cell.join(", ")}): ${linesAt(page, bothOf(page, "along"), k).slice(0, 2).join(", ")}` : "";
+  page.tip(told ? cell : null, event, told ? linesAt(page, bothOf(page, "along"), k).slice(0, 2) : []);
+  page.later();
+}
 /** The row under a pointer, and whether that is near the cut. */
 function under(page, { offsetX, offsetY }) {
   const { view } = page, x = loadAxis(page.scene).axis ? (view.y0 - offsetY) / view.u : (offsetX - view.x0) / view.u;
@@ -133,21 +147,22 @@ MODES.push({
     if (cuts.length) paintBars(page, view, cuts, upright ? { x: w - side + 20, w: side - 48, y: 0, h } : { x: 0, w, y: h - side + 24, h: side - 44 }, upright);
     const kept = cuts.every(({ carried, needed }) => Number.isNaN(needed) || Math.abs(carried - needed) <= 1e-9 * Math.abs(needed));
     const [cut, say, where] = page.cutCards, read = cuts.find(({ at }) => at === rowOf(page));
-    if (read) page.parts.cap.textContent = page.told || `${t("rowOf", { n: read.at })}: ${t("theRule")} ${inOneUnit(read.carried, read)}${page.ruleAlone ? "" : `, ${t("elastic")} ${inOneUnit(read.elastic, read)}`}`;
-    say.replaceChildren(make("p", { textContent: t(kept ? "isBalanced" : "noBalance") })); say.hidden = Boolean(page.lesson) && page.lesson.step !== "try";   // it would answer what is asked before
+    if (read) page.parts.cap.textContent = page.told || `${t("rowOf", { n: read.at })}: ${t("theRule")} ${inOneUnit(read.carried, read)}${page.ruleAlone ? "" : `, ${t("elastic")} ${inOneUnit(read.elastic, read)}`}${page.pointed ? ` · ${page.pointed}` : ""}`;
+    say.replaceChildren(make("p", { textContent: t(kept ? "isBalanced" : "noBalance") })); say.hidden = asks(page);
     cut.replaceChildren(...cutCard(page, cuts));
-    if (!page.playing) where.replaceChildren(...whereCard(page));
+    if (!page.playing) where.replaceChildren(...whereCard(page, cuts));
   },
   press(page, event) {
     const { at, near } = under(page, event);
     if (!near && event.pointerType !== "touch" && page.view.cellAt(event.offsetX, event.offsetY)) return false;   // a cell is read
     page.hold = { cut: true };
+    point(page, event);
     moveTo(page, at);
     return true;
   },
   move(page, event) {
-    if (!page.hold?.cut || !event.buttons) return false;
-    moveTo(page, under(page, event).at);
+    point(page, event);
+    if (page.hold?.cut && event.buttons) moveTo(page, under(page, event).at);
     return true;
   },
   key(page, event) {

@@ -239,14 +239,14 @@ export class Page {
       if (colour === "stress") { v[k] = Math.max(...moved.pressure.map((p) => Math.abs(p[k]))); continue; }
       let sum = 0;
       for (let c = 0; c < C; c++) sum += taken[k * C + c];
-      v[k] = !own ? sum : sums.kept ? this.keptBy(k) : own[kinds[k]] * sum;
+      v[k] = !own ? sum : sums.kept ? this.keptAlong(k).reduce((a, b) => a + b) : own[kinds[k]] * sum;
     }
     return v;
   }
-  /** What agents of one's own kept (N), along all axes. */
-  keptBy(k) {
-    const { axes } = this.run.lattice, { kept } = this.sums;
-    return axes.reduce((sum, _, n) => sum + Math.abs(kept.sum[k * axes.length + n]), 0);
+  /** What an agent of one's own kept (N), axis by axis. */
+  keptAlong(k) {
+    const { axes } = this.run.lattice;
+    return axes.map((_, n) => Math.abs(this.sums.kept.sum[k * axes.length + n]));
   }
   /** Ends of the colours, from the last generation, so that frames compare; of loads that grow without end three decades of the present. */
   scale(colour = this.look.colour) {

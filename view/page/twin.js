@@ -137,7 +137,7 @@ function numbersCard(page, both, k) {
   }
   return lines.map((text) => make("p", { textContent: text }));
 }
-const linesAt = ({ t }, { rule, elastic, unit }, k) => [`${t("theRule")} ${quantity(rule[k], unit)}`, ...(elastic ? [`${t("elastic")} ${quantity(elastic[k], unit)}`, `${t("less")} ${quantity(rule[k] - elastic[k], unit)}`] : [])];
+export const linesAt = ({ t }, { rule, elastic, unit }, k) => [`${t("theRule")} ${quantity(rule[k], unit)}`, ...(elastic ? [`${t("elastic")} ${quantity(elastic[k], unit)}`, `${t("less")} ${quantity(rule[k] - elastic[k], unit)}`] : [])];
 
 function hover(page, event, view) {
   const cell = view?.cellAt(event.offsetX, event.offsetY), { lattice: L, kinds } = page.run, k = cell ? L.key(cell) : -1;

@@ -28,7 +28,7 @@ export function general(x, digits) {
   const [mantissa, exponent] = x.toExponential(digits - 1).split("e"), e = Number(exponent);
   const plain = (text) => (text.includes(".") ? text.replace(/\.?0+$/, "") : text);
   if (e < -4 || e >= digits) return local(`${plain(mantissa)}e${e < 0 ? "-" : "+"}${String(Math.abs(e)).padStart(2, "0")}`);
-  return local(plain(x.toFixed(Math.max(0, digits - 1 - e))));
+  return local(plain((x * (1 + 1e-12)).toFixed(Math.max(0, digits - 1 - e))));   // halves go up, whatever rounding left of them
 }
 
 const PREFIXES = [[1e9, "G"], [1e6, "M"], [1e3, "k"], [1, ""], [1e-3, "m"], [1e-6, "µ"], [1e-9, "n"], [1e-12, "p"]];

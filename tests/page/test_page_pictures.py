@@ -135,6 +135,16 @@ def test_a_rod_tells_how_far_its_middle_moves(shown):
     assert page.js("page.read('tension')") == "0 mN"
 
 
+def test_the_rod_that_is_drawn_is_the_one_that_was_clicked(shown):
+    force = noodle().force[1]
+    page = shown(noodle(), lesson={"questions": []})  # lessons draw it
+    ends = "[...page.parts.story.querySelectorAll('circle')].map((end) => end.cx.baseVal.value)"
+    for rod, grows in ((force.argmax(), True), (force.argmin(), False)):
+        drawn = [f"(page.picked = {rod}, page.seek({g}), page.draw(), {ends})" for g in (0, 1)]
+        rest, held = (np.ptp(page.js(each)) for each in drawn)
+        assert (held > rest) == grows
+
+
 def test_outlines_are_lines_that_the_agents_move():
     result = outlined()
     header, columns = motion_data(result)

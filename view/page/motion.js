@@ -245,12 +245,12 @@ export class MotionPage extends Page {
   get way() { const { t, along, at } = this; return along === "s" ? t("time") : t(`along_${along === "stage" && at.at(-1) === 1 && at.length > 2 ? "share" : along}`); }
   tell() {
     const { picked, parts, t } = this, rod = this.lesson && this.along === "s" && this.corners === 2 ? [rodOf(this)] : [];
-    if (picked < 0 || !this.there(picked)) { parts.story.replaceChildren(...rod, make("p", { textContent: t(this.corners === 2 ? (this.along === "s" ? "pickRod" : "pickSpring") : this.born ? "pickAgent" : "pickPart") })); return; }
+    if (picked < 0 || !this.there(picked)) { parts.story.replaceChildren(...rod, make("p", { textContent: t(rod.length ? "rodDrawn" : this.corners === 2 ? (this.along === "s" ? "pickRod" : "pickSpring") : this.born ? "pickAgent" : "pickPart") })); return; }
     const row = (name) => [make("dt", { textContent: this.word(name) }), make("dd", {}, make("data", { value: String(this.value(picked, name)), textContent: this.read(name) }))];
     const known = (name) => (name === "move" && this.born ? this.moved[this.g].some(Boolean) : !Number.isNaN(this.value(picked, name)));   // generations before the last tell less
     const rows = (this.lesson && this.born ? [this.look.colour] : this.colours).filter(known).flatMap((name) => row(name));
     if (this.born && !this.fields.spawn_step) rows.push(make("dt", { textContent: t("woken") }), make("dd", {}, `${t(`along_${this.along}`)} `, make("data", { value: String(this.born[picked]), textContent: String(this.born[picked]) })));
-    parts.story.replaceChildren(...rod, make("b", { textContent: this.born ? `${t("agent")} ${picked}` : t(this.corners > 2 ? "part" : this.along === "s" ? "rod" : "spring", { n: picked }) }), make("dl", {}, ...rows));
+    parts.story.replaceChildren(make("b", { textContent: this.born ? `${t("agent")} ${picked}` : t(this.corners > 2 ? "part" : this.along === "s" ? "rod" : "spring", { n: picked }) }), ...rod, make("dl", {}, ...rows));
   }
   drawCurves() {
     const { parts: { charts: box }, curveList, inks, at, g, t } = this, named = (of) => of.split(": ").map((part) => t(`curve_${part}`, { otherwise: part })).join(": ");
@@ -291,12 +291,13 @@ export class MotionPage extends Page {
   }
 }
 
-/** What a rod is made of, as it stands now: while a force acts the second damper goes on, and stays; spring and damper beside it have the rest of the dent. */
-function rodOf({ t, at, g, curveList }) {
-  const [dent, force] = ["Displacement", "History"].map((name) => Object.values(curveList.find(({ title }) => title === name).lines)[0]), px = 56 / Math.max(...dent), words = t("rodParts").split("|");
+/** What the picked rod is made of, as it stands now, pushed or pulled as far as its force says; none picked: the one that is pushed most. While a force acts the second damper goes on, and stays; spring and damper beside it have the rest. */
+function rodOf({ t, at, g, curveList, fields: { tension }, picked }) {
+  const [dent, force] = ["Displacement", "History"].map((name) => Object.values(curveList.find(({ title }) => title === name).lines)[0]), most = Math.max(...dent), forces = tension[dent.indexOf(most)], words = t("rodParts").split("|");
+  const px = 42 / most * (picked < 0 ? 1 : -forces[picked] / largest(forces));   // by which it is shortened
   const pushed = (n) => force.slice(1, n + 1).reduce((sum, f, i) => sum + 0.5 * (f + force[i]) * (at[i + 1] - at[i]), 0), stays = dent.at(-1) * pushed(g) / pushed(at.length);
-  const a = 160 - px * (dent[g] - stays), b = a + 130 - px * stays, wave = Array.from({ length: 10 }, (_, i) => `L${32 + (a - 44) * (i + 0.5) / 10} ${i % 2 ? 20 : 36}`).join(""), damper = (x, to, y) => `M${x} ${y}h12m62 -9h-62v18h62M${to - 62} ${y - 7}v14m0 -7H${to}`;
-  return draw("svg", { class: "chart rod", viewBox: "0 0 310 98", role: "img", "aria-label": words.join(", ") }, draw("path", { d: `M20 28V66M${a} 28V66M20 28h12${wave}L${a - 12} 28H${a}${damper(20, a, 66)}${damper(a, b, 47)}` }), ...[14, b + 6].map((cx) => draw("circle", { cx, cy: 47, r: 6 })), ...words.map((word, n) => draw("text", { x: [90, 90, a + 65][n], y: [12, 92, 74][n], "text-anchor": "middle" }, word)));
+  const a = 150 - px * (dent[g] - stays), b = a + 130 - px * stays, wave = Array.from({ length: 10 }, (_, i) => `L${32 + (a - 44) * (i + 0.5) / 10} ${i % 2 ? 20 : 36}`).join(""), damper = (x, to, y) => `M${x} ${y}h12m70 -9h-70v18h70M${to - 73} ${y - 7}v14m0 -7H${to}`;
+  return draw("svg", { class: "chart rod", viewBox: "0 0 320 98", role: "img", "aria-label": words.join(", ") }, draw("path", { d: `M20 28V66M${a} 28V66M20 28h12${wave}L${a - 12} 28H${a}${damper(20, a, 66)}${damper(a, b, 47)}` }), ...[14, b + 6].map((cx) => draw("circle", { cx, cy: 47, r: 6 })), ...words.map((word, n) => draw("text", { x: [90, 90, a + 65][n], y: [12, 92, 74][n], "text-anchor": "middle" }, word)));
 }
 
 // ------------------------------------------------------------------------------------- a file

@@ -174,6 +174,13 @@ def _collect(collector: Any, model: SteppedModel) -> None:
         filed[rows - 1] = filed.pop(step)
 
 
+ADDED = "[*super().emissions(load), row] adds a row"
+HANDED = "write self.model.hand_over(self, arm, load)"
+NONE = "agent_at of a cell that sleeps is None"
+HINTS = {"'NoneType'": NONE, "te tuple": ADDED, "'append'": ADDED, "'hand_over'": HANDED}
+"""What to do about errors that agents of one's own often make, by a part of what they say."""
+
+
 @contextmanager
 def noting_agents() -> Iterator[None]:
     """Add to an error from within an agent's hook a note of whose, where and when."""
@@ -186,8 +193,6 @@ def noting_agents() -> Iterator[None]:
             if hook in chain(*HOOKS.values()) and isinstance(agent, PlacedAgent | FaceAgent):
                 called, within = agent.model.engine.guard.called(agent), hook
         if called and called not in str(error):
-            told = f"in {within} of {called}"
-            told += "; agent_at of a cell that sleeps is None" * ("'NoneType'" in str(error))
-            told += "; [*super().emissions(load), row] adds a row" * ("te tuple" in str(error))
-            error.add_note(told)
+            hints = [f"; {hint}" for part, hint in HINTS.items() if part in str(error)]
+            error.add_note(f"in {within} of {called}{''.join(hints)}")
         raise

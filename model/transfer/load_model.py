@@ -117,8 +117,12 @@ class LoadModel(SteppedModel):
     ) -> None:
         of_mesa = hasattr(Model, "scenario") and hasattr(scenario, "to_dict")
         kept = {"scenario": scenario} if of_mesa else {}
+        numbers = numbers_of(scenario)
+        seeds = numbers.pop("rng", None), numbers.pop("seed", None)
+        if rng is seed is None and not of_mesa:  # Mesa reads its own
+            rng, seed = seeds
         SteppedModel.__init__(self, rng, seed, order, **kept)
-        kwargs = numbers_of(scenario) | kwargs
+        kwargs = numbers | kwargs
         scene_needed(scene)
         classes = own_classes(material_agent, boundary_agents)
         scene, self.parameters = keywords_into(scene, classes, kwargs, LoadModel, rule is not None)
@@ -284,10 +288,10 @@ class LoadModel(SteppedModel):
 
 
 def numbers_of(scenario: Any) -> dict[str, Any]:
-    """Return the numbers of a Scenario of Mesa's, of another object and its class, or a dict."""
+    """Return numbers, seeds too, of a Scenario of Mesa's, of an object and its class, or a dict."""
     if scenario is None:
         return {}
-    of_mesa = {"model", "rng", "seed", "scenario_id", "replication_id"}
+    of_mesa = {"model", "scenario_id", "replication_id"}
     held = scenario
     if not isinstance(scenario, Mapping):
         told = "scenario: an object or a dict whose numbers have names is needed"

@@ -6,11 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from page_scenes import header_of
 from plates import PLATE, plate
 
 import kaju
 import kaju.view.page.python as written
 from kaju import LoadModel, MaterialAgent, Scene
+from kaju.view.page.export import packed_page
 
 HALF_RUBBER = [{"box": [[0.0, 0.0], [0.06, 0.08]], "material": "rubber"}]
 PULLED = {"rule": {"kind": "prescribed", "sense": True, "threshold": 0.01}}
@@ -299,6 +301,12 @@ def test_the_editor_is_used_by_keys_alone_and_open_to_everybody(opened, pages):
     page.tab.keyboard.press("Control+Enter")
     page.until("page.studio.result?.agents > 0")
     page.check_open_to_everybody(390)
+
+
+def test_a_class_whose_source_is_not_at_hand_leaves_code_that_python_reads():
+    model = LoadModel(SCENES["sides"], material_agent=type("Mine", (MaterialAgent,), {}))
+    told = header_of(packed_page(model, python=True))
+    assert ast.parse(told["python"]["code"]).body == []
 
 
 def test_the_timeline_of_many_stages_keeps_to_the_picture_beside_the_editor(shown):

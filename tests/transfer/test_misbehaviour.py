@@ -70,6 +70,7 @@ def run(own, order="wave", **limits):
 
 ELSEWHERE = ("passOn", "on_take", "emit", "go", "receive", "advance", "step_agent")
 ADDS = material(emissions=lambda self, load: self.go(load), go=lambda self, load: () + [load])
+APPENDS = material(emissions=lambda self, load: MaterialAgent.emissions(self, load).append(load))
 ASKS = material(emissions=lambda self, load: self.model.agent_at((0, 0)).kept)
 THERE = "pass_on of Mine at cell (1, 2) in generation 1"
 AHEAD = kaju.Emission(0, 0, 0.1, "push")
@@ -225,6 +226,7 @@ class Face(FaceAgent):
     (after_take(lambda self, load: load + load), "take load.total", "take of Mine at cell (1, 2)"),
     (each(lambda *row: 0.5 * kaju.Emission(*row)), "row._replace", "pass_on of Mine at cell"),
     (ADDS, "tuple", f"{THERE}; [*super().emissions(load), row] adds a row"),
+    (APPENDS, "append", f"{THERE}; [*super().emissions(load), row] adds a row"),
     (ASKS, "kept", f"{THERE}; agent_at of a cell that sleeps is None"),
     ({"material_agent": Yields}, "no attribute 'wear'", "shortening of Yields at cell (1, 2)"),
     ({"boundary_agents": {"rigid": Wall}}, "zero", "give_back of Wall at cell (1, -1) in gener"),

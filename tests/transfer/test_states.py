@@ -106,3 +106,5 @@ def test_the_numbers_of_a_scenario_are_read():
     of_class = type("Mine", (), {"threshold": 0.1})()
     for given in (Scenario(threshold=0.1), of_class, {"threshold": 0.1}):
         assert LoadModel(plate(), scenario=given).threshold == 0.1
+    for given in (Scenario(seed=5), {"seed": 5}, {"rng": 5}):
+        assert [LoadModel(plate(), scenario=given, rng=rng).seed for rng in (None, 6)] == [5, 6]

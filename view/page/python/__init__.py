@@ -56,8 +56,9 @@ def header(own: dict[str, Any]) -> dict[str, Any]:
         modules = [name for name in needs if name in ("kaju", "math", "random")]
         offered = [name for name in needs if name in OFFERED]
         needs = [name for name in needs if name not in modules + offered]
-        head = [f"import {name}" for name in modules] + [f"from kaju import {', '.join(offered)}"]
-        code = "\n".join(head) + f"\n\n\n{source}\n"
+        head = [f"import {name}" for name in modules]
+        head += [f"from kaju import {', '.join(offered)}"] * bool(offered)
+        code = "\n".join([*head, "", "", source, ""]).lstrip()
     return {
         "python": {
             "code": code,

@@ -147,8 +147,9 @@ class SteppedModel(Model):
         raise NotImplementedError
 
     def again(self, scene: Any, **changed: Any) -> Self:
-        """Return a model of another scene with the same agents; it runs loads that grow, too."""
+        """Return a model of another scene with the same agents and seed; loads may grow in it."""
         options, own = self.arguments()
+        options["rng"] = self.seed
         options |= {name: value for name, value in own.items() if value is not None}
         if "allow_unstable" in options:
             options["allow_unstable"] = True

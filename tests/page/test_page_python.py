@@ -11,7 +11,7 @@ from plates import PLATE, plate
 
 import kaju
 import kaju.view.page.python as written
-from kaju import LoadModel, MaterialAgent, Scene
+from kaju import LoadModel, MaterialAgent, Parameter, Scene
 from kaju.view.page.export import packed_page
 
 HALF_RUBBER = [{"box": [[0.0, 0.0], [0.06, 0.08]], "material": "rubber"}]
@@ -301,6 +301,23 @@ def test_the_editor_is_used_by_keys_alone_and_open_to_everybody(opened, pages):
     page.tab.keyboard.press("Control+Enter")
     page.until("page.studio.result?.agents > 0")
     page.check_open_to_everybody(390)
+
+
+class Fickle(MaterialAgent):
+    part = Parameter(0.1, 0.0, 1.0, "largest part that is lost")
+
+    def emissions(self, load):
+        left = 1.0 - self.part * self.random.random()
+        return [row._replace(share=left * row.share) for row in super().emissions(load)]
+
+
+def test_a_models_own_numbers_and_seed_are_those_with_which_its_page_begins(opened, tmp_path):
+    model = LoadModel(SCENES["sides"], material_agent=Fickle, part=0.8, rng=7)
+    page = opened(kaju.export_page(model, tmp_path / "page.html", python=True))
+    found, last = runs(page, page.js("page.studio.code")), model.again(model.scene).run().last
+    assert found["taken"] == pytest.approx(last.ledger.taken, rel=1e-12)
+    asked = runs(page, CLASS + "def take(self, load): self.cell.neighborhood.agents")
+    assert "cell.neighborhood.agents: is not in the page" in asked["error"]
 
 
 def test_a_class_whose_source_is_not_at_hand_leaves_code_that_python_reads():

@@ -64,8 +64,8 @@ export function told(t, { error, args = [], line }, code) {
 // ------------------------------------------------------------------------------- the workshop
 
 export class Workshop {
-  constructor(page, { code, needs, ready, blob, licence }) {
-    Object.assign(this, { page, code, needs, ready, blob, licence, first: code, words: Object.assign({}, ...Object.values(ready).map((one) => one.words)), parameters: [], names: [], values: {}, printed: "", problem: null, active: false, foreign: false });
+  constructor(page, { code, needs, values, ready, blob, licence }) {
+    Object.assign(this, { page, code, needs, ready, blob, licence, first: code, words: Object.assign({}, ...Object.values(ready).map((one) => one.words)), parameters: [], names: [], values, printed: "", problem: null, active: false, foreign: false });
     globalThis.kaju = { runAgent: (text) => this.run(text) };
     setTimeout(() => this.wake(), 50);
   }
@@ -220,7 +220,7 @@ export class Workshop {
     const last = (base) => Object.keys(bases).findLast((n) => root(n) === base), kinds = { free: "FreeBoundaryAgent", rigid: "RigidBoundaryAgent", roller: "RollerBoundaryAgent" };
     const walls = Object.entries(kinds).filter(([, base]) => last(base)).map(([kind, base]) => `"${kind}": ${last(base)}`).join(", "), order = [...plain.matchAll(/^def (\w+)\(waiting\b/gm)].at(-1)?.[1];
     const given = Object.entries(values).filter(([n]) => this.parameters.some(({ name }) => name === n) && new RegExp(`^ +${n}\\b.*\\bParameter\\b`, "m").test(plain)).map(([n, v]) => [n, v === true ? "True" : v === false ? "False" : String(v)]);
-    const how = [["material_agent", last("MaterialAgent")], ["boundary_agents", walls && `{${walls}}`], ["order", order], ...given, ["seed", 1]].filter(([, v]) => v).map(([n, v]) => `, ${n}=${v}`).join("");
+    const how = [["material_agent", last("MaterialAgent")], ["boundary_agents", walls && `{${walls}}`], ["order", order], ...given, ["seed", String(values.seed ?? 1)]].filter(([, v]) => v).map(([n, v]) => `, ${n}=${v}`).join("");
     return hand("agent.py", new Blob([`${code.trimEnd()}\n\n\nSCENE = """\n${toml}"""\n\nif __name__ == "__main__":\n    from kaju import LoadModel, Scene\n\n    model = LoadModel(Scene.from_toml(SCENE)${how})\n    last = model.run().last\n    print(len(last.cells), last.generations, last.ledger.taken)\n`], { type: "text/x-python" }));
   }
 }

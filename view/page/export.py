@@ -207,7 +207,8 @@ def packed_page(
     if isinstance(shown, TransferResult) and (own or not _by_the_rule(shown)):
         last, certificate = shown.last, shown.certificate
         if own and shown.seed is not None:
-            own["own"]["parameters"].append({"label": "seed (rng=)", "value": shown.seed})
+            drawn = {"name": "seed", "label": "seed (rng=)", "value": shown.seed}
+            own["own"]["parameters"].append(drawn)
         stable, verdict = bool(certificate.stable), certificate.verdict
         if not certificate.known and last.outcome:  # nobody knew before the run; now it is known
             stable = last.outcome.startswith("at rest")
@@ -256,7 +257,7 @@ def _own_data(model: Any) -> dict[str, Any]:
         "names": [part.__name__ for part in parts],
         "source": "\n\n".join(map(_source, parts)),
         "parameters": [
-            {"label": parameter.text or name, "value": values[name]}
+            {"name": name, "label": parameter.text or name, "value": values[name]}
             for name, parameter in declared(classes, Parameter).items()
             if name in values
         ],

@@ -11,7 +11,7 @@ export class Written extends Recorded {
     return { lattice: { directions: L.D, direction_names: L.names.map((name) => name.replace("−", "-")), forms: L.hexagon ? 2 : 1, opposite: L.opposite, mirrored: L.mirrored, shape: L.shape, dimension: L.dimension, cell_size: L.h, stride: L.stride,
       steps: L.coordinateSteps.slice(0, L.hexagon ? 2 : 1), arms: Array(L.hexagon ? 2 : 1).fill(Array.from({ length: L.D }, (_, arm) => arm)), beside: L.beside.map((list) => list.toSorted((a, b) => a[0] - b[0])),
       axis_of: Array.from({ length: L.D }, (_, d) => L.axes.findIndex((arm) => arm === d || L.opposite[arm] === d)), along: this.along = L.axes.map((_, a) => L.axes.map((_, n) => dot(normal(n), normal(a)) ** 2)) },
-    threshold: rule.threshold, accumulate: rule.accumulate, sense: Boolean(rule.sense), cross_section: L.faceArea(thickness), kinds: Array.from(kinds), parameters, seed: SEED,
+    threshold: rule.threshold, accumulate: rule.accumulate, sense: Boolean(rule.sense), cross_section: L.faceArea(thickness), kinds: Array.from(kinds), parameters, seed: parameters.seed ?? SEED,
     materials: materials.map((m) => [m.name, m.youngs_modulus, m.poissons_ratio]), shares: shares.map((s, n) => [s.own, s.forward, 0, s.friction, s.poisson, s.beta * materials[n].poissons_ratio]),
     loads: this.applied = appliedLoads(this.scene, L, kinds, this.stage).map(([k, state, size]) => [L.cell(k), state, size]) };
   }

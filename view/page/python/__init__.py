@@ -49,9 +49,10 @@ def header(own: dict[str, Any]) -> dict[str, Any]:
     ready = json.loads(_text("ready/ready.json"))
     for name, agent in ready.items():
         agent["code"] = _text(f"ready/{name}.py")
-    code, needs = ready["standard"]["code"], []
+    code, needs, values = ready["standard"]["code"], [], {}
     if own:
         source = own["own"]["source"]
+        values = {row["name"]: row["value"] for row in own["own"]["parameters"]}
         needs = _unknown(source)
         modules = [name for name in needs if name in ("kaju", "math", "random")]
         offered = [name for name in needs if name in OFFERED]
@@ -63,6 +64,7 @@ def header(own: dict[str, Any]) -> dict[str, Any]:
         "python": {
             "code": code,
             "needs": needs,
+            "values": values,
             "ready": ready,
             "licence": _text("ready/licence.txt").strip(),
         }

@@ -67,7 +67,8 @@ class Elsewhere:
         raise KajuError(f"{self.name}.{what}: is not in the page; run this class in Python outside of it")
 
 def space_of(lattice, random):
-    return Table({"cell": lambda place, inside: Table({"coordinate": place})})
+    lacks = {name: Elsewhere(f"cell.{name}") for name in ("agents", "neighborhood", "get_neighborhood")}
+    return Table({"cell": lambda place, inside: Table({"coordinate": place} | lacks)})
 
 class FixedAgent:
     """What Mesa gives an agent."""

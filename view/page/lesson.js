@@ -273,6 +273,7 @@ export function lessonSide(page) {
   tabs.classList.add("steps");
   const panel = make("div", { role: "tabpanel", id: `panel-${lesson.step}`, ariaLabel: t(`step_${lesson.step}`) }, ...(q ? questionCards(lesson, q) : lesson.at > 0 ? endCards(lesson) : []), ...stepCards(page));
   if (!page.touchable && panel.contains(parts.charts)) panel.querySelector(".fields")?.before(parts.charts);   // in a narrow window: what is read, above where it is written
+  if (q?.show?.rod) panel.querySelector(".fields").before(parts.story);   // asked is what its parts do
   const teacher = tick(t(lesson.teacher ? "answersShown" : "answersHidden"), lesson.teacher, (on) => { lesson.teacher = on; page.rebuild(); page.root.querySelector("aside .body").scrollTo(0, 0); }, { role: "switch", className: "switch", ariaLabel: t("teacher") });
   const notes = lesson.teacher && lesson.notes ? [make("details", { className: "card answer", open: lesson.at <= 0 }, make("summary", { textContent: t("plan") }), rendered(page.say(lesson.notes)))] : [];
   const { at, next } = lesson, foot = [make("div", { className: "ends" }, ...(at > 0 ? [button(t("backOne"), () => lesson.visit(at - 1))] : []),

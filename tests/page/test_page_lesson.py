@@ -248,3 +248,5 @@ def test_loads_are_moved_turned_added_deleted_and_everything_undone(shown):
     page.until("!page.due && page.run.agents === 34")
     page.tab.keyboard.press("Control+Shift+z")
     assert loads() == [[[6, 19], [0, -2]]]
+    mouse.dblclick(*page.spot("page.view.at(6.5, 17.5)"))  # the close-up, before it is drawn
+    assert page.js("page.mode.name") == "cell"

@@ -101,7 +101,7 @@ MODES.push({
   },
   key(page, { key }) { return key === "Enter" && page.picked >= 0; },
   press(page, { offsetX, offsetY }) {
-    const { view, close: { cx, cy, s }, picked, run: { lattice: L } } = page, beside = picked >= 0 && L.dimension === 2 && !L.hexagon ? L.cell(picked).map((c, a) => c + Math.round((a ? cy - offsetY : offsetX - cx) / (1.02 * s))) : null;
+    const { view, close: { cx, cy, s } = {}, picked, run: { lattice: L } } = page, beside = picked >= 0 && L.dimension === 2 && !L.hexagon ? L.cell(picked).map((c, a) => c + Math.round((a ? cy - offsetY : offsetX - cx) / (1.02 * s))) : null;
     const cell = view.cellAt(offsetX, offsetY) ?? (beside && L.contains(beside) ? beside : null);   // a neighbour in the close-up is the next to be looked at
     if (cell && page.run.kinds[page.run.lattice.key(cell)] >= 0) { page.picked = page.run.lattice.key(cell); page.later(); }
     return true;

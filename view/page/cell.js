@@ -188,7 +188,8 @@ function paintCell(page, box) {
   const start = behind ? [cx - dx * 1.08 * s, cy - dy * 1.08 * s] : [cx + side[0] * 0.3 * s - dx * 0.42 * s, cy + side[1] * 0.3 * s - dy * 0.42 * s];
   thick(ctx, ...start, dx, dy, (behind ? 0.62 : 0.5) * s, width(P), inks.load, inks, false);
   const words = [], say = (text, x, y, ink, f = bold, align = "center") => words.push([text, x, y, ink, { font: f, align }]);
-  const beside = Math.abs(dy) > 0.5 ? [start[0] + width(P) / 2 + 12, start[1] + (dy > 0 ? 0.1 : -0.2) * s, "left"] : [start[0] + dx * 0.3 * s, start[1] - width(P) / 2 - 26, "center"];
+  const inwards = !behind && side[0] > 0.5 ? -1 : 1;   // words stand within the cell, off what it passes on
+  const beside = Math.abs(dy) > 0.5 ? [start[0] + inwards * (width(P) / 2 + 12), start[1] + (dy > 0 ? 0.1 : -0.2) * s, inwards < 0 ? "right" : "left"] : [start[0] + dx * 0.3 * s, start[1] - width(P) / 2 - 26, "center"];
   say(`P = ${newtons(P)}`, beside[0], beside[1], inks.load, bold, beside[2]);
   if (s > 120) say(`${t("cameFrom")} ${row.from < 0 ? t("outside") : run.kinds[row.from] >= 0 ? cellName(L, row.from) : senderOf(page, row, k)}`, beside[0], beside[1] + 18, inks.ink, font, beside[2]);
   for (const { arm, channel, load, ends, kind } of list) {

@@ -173,6 +173,7 @@ MISTAKES = [  # what comes before, what is written, the line, and words of the s
     ),
     ("", "from kaju import MaterialAgnt", 1, "kein `MaterialAgnt`; meinst du `MaterialAgent`?"),
     ("", "x = 1", 1, "there is no class of agents"),
+    (CLASS, "def respond(self, load): pass", 3, "niemand ruft `respond` auf; meinst du `take`?"),
     (CLASS, "def passOn(self, load): pass", 3, "niemand ruft `passOn` auf; meinst du `pass_on`?"),
     (
         CLASS,

@@ -17,13 +17,13 @@ const bare = (code) => code.replace(/("""|''')[\s\S]*?\1|"(?:\\.|[^"\\\n])*"|'(?
 
 /** What no agent may use, before anything runs: {line, word}. */
 export function refused(code) {
-  const lines = bare(code).split("\n");
+  const lines = bare(code).split("\n"), methodOf = (text) => text.match(/^\s+def ([a-z]\w*)/)?.[1], hooked = lines.some((text) => ["step", ...HOOKS].includes(methodOf(text)));
   for (const [n, text] of lines.entries()) {
     const brings = text.match(/^\s*(?:from\s+([\w.]+)\s+import|import\s+([\w.]+))/), from = brings && (brings[1] ?? brings[2]).split(".")[0];
     if (brings && !ALLOWED.includes(from)) return { line: n + 1, word: from, key: "notInPage" };
     const found = !brings && text.match(REFUSED);
     if (found) return { line: n + 1, word: found[0], key: "notAllowed" };
-    const method = text.match(/^\s+def ([a-z]\w*)/)?.[1], hook = method && !HOOKS.includes(method) && HOOKS.find((name) => near(method.toLowerCase(), name));
+    const method = methodOf(text), hook = method && !HOOKS.includes(method) && (HOOKS.find((name) => near(method.toLowerCase(), name)) ?? (!hooked && /\(self, load\b/.test(text) && "take"));   // without any hook
     if (hook) return { line: n + 1, word: method, key: "notCalled", hook };
   }
   return null;

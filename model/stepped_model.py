@@ -45,8 +45,7 @@ class SteppedModel(Model):
         told = "order: a function of the agents for which loads wait is needed"
         require(order is None or callable(order), f"{told}, got {brief(order)}")
         self.order = order
-        if rng is not None and seed is not None:
-            raise ParameterError("seed: is another word for rng; give one of them")
+        require(rng is None or seed is None, "seed: is another word for rng; give one of them")
         self._own_step = self.step  # of this class, or of a subclass
         self.step = self._one_step  # Mesa wraps this one: it counts and tells the time
         self.steps_taken, self._stepping = 0, False
@@ -81,12 +80,14 @@ class SteppedModel(Model):
             self.steps_taken += 1
             self.steps = self.steps_taken  # as Mesa 3 counts them, and Mesa 4 does not
             self._stepping = True
+            rows = _rows_of(self._collector) if self._own_collector else 0
             try:
                 with noting_agents():
                     self.act_once(self._let_act)
             finally:
                 self._stepping = False
             if self._own_collector:
+                require(_rows_of(self._collector) == rows, COLLECTS)
                 _collect(self.datacollector, self)
             else:  # Mesa copies every figure deeply, which would cost as much as a small step
                 clock = {"steps": self.steps, "time": float(self.steps)}
@@ -131,6 +132,8 @@ class SteppedModel(Model):
 
     @datacollector.setter
     def datacollector(self, collector: DataCollector) -> None:
+        told = "datacollector: set it after super().__init__(scene), which begins the data anew"
+        require("steps_taken" in vars(self), told)
         self._collector, self._noted, self._own_collector = collector, [], True
 
     def _start_again(self) -> None:
@@ -162,6 +165,15 @@ class SteppedModel(Model):
         raise NotImplementedError
 
 
+COLLECTS = "datacollector: a model collects after every step itself; leave collect() out of step"
+
+
+def _rows_of(collector: Any) -> int:
+    """Return how much Mesa's collector has noted."""
+    notes = getattr(collector, "model_vars", {}).values()
+    return sum(map(len, notes)) + len(getattr(collector, "_agent_records", ()))
+
+
 def _collect(collector: Any, model: SteppedModel) -> None:
     """Let a collector of your own note a step, its agents where `mesa.batch_run` looks for them.
 
@@ -177,8 +189,8 @@ def _collect(collector: Any, model: SteppedModel) -> None:
 
 ADDED = "[*super().emissions(load), row] adds a row"
 HANDED = "write self.model.hand_over(self, arm, load)"
-NONE = "agent_at of a cell that sleeps is None"
-HINTS = {"'NoneType'": NONE, "te tuple": ADDED, "'append'": ADDED, "'hand_over'": HANDED}
+SLEEPS = "agent_at of a cell that sleeps is None"
+HINTS = {"'NoneType'": SLEEPS, "te tuple": ADDED, "'append'": ADDED, "'hand_over'": HANDED}
 """What to do about errors that agents of one's own often make, by a part of what they say."""
 
 
@@ -188,6 +200,8 @@ def noting_agents() -> Iterator[None]:
     try:
         yield
     except Exception as error:
+        if "non-existent attribute" in str(error):  # Mesa's collector, asked for a model's figures
+            error.add_note(COLLECTS)
         called = ""
         for frame, _ in walk_tb(error.__traceback__):
             agent, hook = frame.f_locals.get("self"), frame.f_code.co_name

@@ -240,11 +240,9 @@ class LoadModel(SteppedModel):
 
     def _objects(self) -> AgentEngine:
         """Return the engine of agents as objects; say what to do if they are rows of arrays."""
+        told = "engine: agents are rows of arrays here, not objects; take LoadModel(scene,"
         if not isinstance(self.engine, AgentEngine):
-            raise ParameterError(
-                "engine: agents are rows of arrays here, not objects; take "
-                "LoadModel(scene, engine='agents'), or look at result().to_dataframe()"
-            )
+            raise ParameterError(f"{told} engine='agents'), or look at result().to_dataframe()")
         return self.engine
 
     @property
@@ -321,9 +319,7 @@ def keywords_into(
         known = sorted({*parameters, *rule, *own} - {"self", "kind", "kwargs"})
         meant = "threshold" if name in ("gamma", "γ") else name
         raise unknown(name, model.__name__, known, meant)
-    values = {
-        name: each.checked(given.get(name, each.default)) for name, each in parameters.items()
-    }
+    values = {name: one.checked(given.get(name, one.default)) for name, one in parameters.items()}
     changed = {name: value for name, value in given.items() if name in rule}
     told = "is a number of the scene's rule, but rule= gives another rule; give one of them"
     require(not (changed and own_rule), f"{next(iter(changed), '')}: {told}")

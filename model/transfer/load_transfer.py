@@ -48,10 +48,8 @@ class LoadTransfer(Stepper[TransferResult]):
         self.certificate: Certificate = not_known(own) if own else certify(self.transfer)
         refused = self.certificate.known and not self.certificate.stable
         if refused and not allow_unstable:
-            raise StabilityError(
-                f"{self.certificate.verdict}; to watch the loads grow, "
-                "set allow_unstable=True (`kaju run --allow-unstable`)"
-            )
+            told = f"{self.certificate.verdict}; to watch the loads grow, set allow_unstable=True"
+            raise StabilityError(f"{told} (`kaju run --allow-unstable`)")
         self.engine = engine_of(self.transfer)
 
     def reset(self) -> Self:
@@ -105,10 +103,9 @@ class LoadTransfer(Stepper[TransferResult]):
             remedy += " set allow_unstable=True (`kaju run --allow-unstable`)"
             return told + remedy if watched else told
         if engine.most_at_one > 30_000:
-            return (
-                f"stopped after {generation} generations: at one agent {engine.most_at_one:,} "
-                "loads wait, each of another size; accumulate = true adds up loads that meet"
-            )
+            told = f"stopped after {generation} generations: {engine.most_at_one:,} loads wait"
+            told += " at one agent, each of another size;"
+            return f"{told} accumulate = true adds up loads that meet"
         if generation - self._generations_before >= self.max_generations:
             return f"stopped after max_generations = {self.max_generations} with loads on their way"
         return ""
@@ -140,7 +137,5 @@ class LoadTransfer(Stepper[TransferResult]):
 
     def progress(self) -> str:
         """Return a line of progress."""
-        return (
-            f"stage {self.stage} of {self.scene.stages}, generation {self.engine.generation}, "
-            f"{self.engine.pending:.3g} N on the way"
-        )
+        stage, generation = f"stage {self.stage} of {self.scene.stages}", self.engine.generation
+        return f"{stage}, generation {generation}, {self.engine.pending:.3g} N on the way"

@@ -77,10 +77,8 @@ class TransferResult(BodyResult):
                 raise ResultError("loads were taken after its last generation")
             # Nobody waits for more in which hardly a load is taken; pictures go through all.
             if stage.generations > max(10_000, len(rows)):
-                raise ResultError(
-                    f"its {stage.generations} generations are more than 10000, and only "
-                    f"{len(rows)} loads were taken in them"
-                )
+                told = f"its {stage.generations} generations are more than 10000, and only"
+                raise ResultError(f"{told} {len(rows)} loads were taken in them")
             if len(np.unique(self.scene.lattice.key(stage.cells))) < len(stage.cells):
                 raise ResultError("two agents are in one cell")
             if any(course.agents != len(stage.cells) for course in stage.states):
@@ -153,9 +151,8 @@ class TransferResult(BodyResult):
     def at_stage(self, stage: int) -> TransferResult:
         """Return the result as it was after a stage, counted from 1."""
         if not 1 <= stage <= len(self.stages):
-            raise ResultError(
-                f"stage: this result has the stages 1 to {len(self.stages)}, got {stage}"
-            )
+            told = f"stage: this result has the stages 1 to {len(self.stages)}"
+            raise ResultError(f"{told}, got {stage}")
         return replace(self, stages=self.stages[:stage])
 
     @property
@@ -191,11 +188,8 @@ class TransferResult(BodyResult):
             applied = self.scene.applied(len(self.stages))
             row, direction, _ = split_force(self.scene.lattice, applied.force)
             if pulls(self.scene, applied, row, direction).any():
-                full = (
-                    "a load pulls, but without a sense every load squeezes: set rule.sense = true "
-                    "to let pulls stretch"
-                )
-                found.append(("pulls squeeze, too", full))
+                full = "a load pulls, but without a sense every load squeezes: set rule.sense ="
+                found.append(("pulls squeeze, too", f"{full} true to let pulls stretch"))
         return found
 
     @cached_property

@@ -203,3 +203,24 @@ def test_a_recorder_of_mesas_takes_the_figures():
     table = recorder.get_table_dataframe("figures")
     assert table["load_taken"].iloc[-1] == pytest.approx(result.last.ledger.taken, rel=1e-12)
     assert len(table) == model.generation + 1
+
+
+def test_a_step_that_collects_is_told_that_the_model_does():
+    class Twice(LoadModel):
+        def __init__(self, scene, collector=None):
+            super().__init__(scene)
+            if collector:
+                self.datacollector = collector
+
+        def step(self):
+            super().step()
+            self.datacollector.collect(self)
+
+    for own in (None, DataCollector({"g": "generation"}), DataCollector({}, {"kept": "kept"})):
+        with pytest.raises((AttributeError, ParameterError)) as told:
+            Twice(small(), own).run()
+        notes = getattr(told.value, "__notes__", [])
+        assert "leave collect() out of step" in f"{told.value}{notes}"
+    begin = {"__init__": lambda self: setattr(self, "datacollector", own)}
+    with pytest.raises(ParameterError, match=r"set it after super\(\).__init__\(scene\)"):
+        type("Early", (LoadModel,), begin)()

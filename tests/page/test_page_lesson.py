@@ -35,6 +35,7 @@ LESSON = {
             "question": "What does the loaded cell keep?",
             "note": "Click it. Say **why**.",
             "lines": 2,
+            "draws": [["s", -2, 8], ["mm", 0, 40]],
             "fields": [{"label": "keeps", "unit": "N", "answer": 1.0, "tolerance": 0.01}],
             "show": {"mode": "cell", "cell": [10, 19], "generation": 1},
         },
@@ -121,7 +122,8 @@ def test_the_worksheet_is_paper_with_what_was_typed(opened, lesson, teacher):
     paper = page.tab.pdf(format="A4", margin=dict.fromkeys(("top", "left", "right"), "14mm"))
     assert paper.count(b"/Type /Page\n") == 1 + teacher
     sheet = page.js("page.root.querySelector('.sheet').textContent")
-    for x in "Name", "A load's way", "Mine", "P comes in", "= 10 mN", "Who wakes?", "One sentence.":
+    words = "Name", "A load's way", "Mine", "P comes in", "= 10 mN", "Who wakes?", "One sentence."
+    for x in *words, "−202468 s", "40 mm":  # axes with units to draw at
         assert x in sheet
     assert ("Nine cells." in sheet) is teacher
     assert page.tab.locator(".sheet figure:first-child rect:not([fill='#fff'])").count() == 9

@@ -1,5 +1,6 @@
 // A lesson in the page: predict, step, explain, try. Questions are asked one by one; what is typed
 // and ticked is kept on this computer; the page shows no further than the question has got.
+import { ticksOf } from "./charts.js";
 import { button, draw, icon, inline, labelled, make, MODES, numberOf, rendered, segments, tick } from "./controls.js";
 import { paintCells, paintNumbers, paintPick, View } from "./paint.js";
 import { cardsBox, panelsOf, rulePanel, storyCard, tabList } from "./panels.js";
@@ -407,7 +408,7 @@ function answerOf(page, q) {
   const { lesson, t } = page, given = lesson.answers[q.key], lines = (n) => Array.from({ length: n }, () => make("div", { className: "ruled" }));
   const written = lesson.said(q.kind === "number" ? given?.[q.fields.length] : given), text = written?.trim() ? [make("p", { className: "given", textContent: written })] : null;
   if (q.kind === "number") return [make("table", {}, make("tr", {}, ...q.fields.map((f) => make("th", {}, page.say(f.label) ?? ""))),
-    make("tr", {}, ...q.fields.map((f, i) => make("td", {}, make("em", { textContent: given?.[i] ?? "" }), ` ${/\d\s*[^\d\s.,]+\s*$/.test(given?.[i]) ? "" : page.say(f.unit) ?? ""} ${lesson.sign(q, i)}`)))), ...(q.draws ? [axes()] : []), ...(q.write ? [make("p", {}, ...inline(page.say(q.write)))] : []), ...(q.lines ? text ?? lines(q.lines) : [])];
+    make("tr", {}, ...q.fields.map((f, i) => make("td", {}, make("em", { textContent: given?.[i] ?? "" }), ` ${/\d\s*[^\d\s.,]+\s*$/.test(given?.[i]) ? "" : page.say(f.unit) ?? ""} ${lesson.sign(q, i)}`)))), ...(q.draws ? [axes(q.draws)] : []), ...(q.write ? [make("p", {}, ...inline(page.say(q.write)))] : []), ...(q.lines ? text ?? lines(q.lines) : [])];
   if (q.draws === true) return [bodyOf(page, q), ...(text ?? lines(1))];
   if (q.kind !== "cells" || page.run.lattice?.dimension !== 2) return text ?? lines(q.lines ?? 3);
   const guess = lesson.guesses[q.key] ?? {}, first = lesson.firsts[q.key], spawned = {}, { scene, cells = page.start.cells } = page.presets[q.show?.preset ?? 0];
@@ -419,8 +420,15 @@ function answerOf(page, q) {
 /** The body as it begins, or as a question shows it. */
 const bodyOf = (page, q) => make("img", { className: "drawn", alt: "", src: page.unmarked(page.presets?.[q?.show?.preset ?? 0]) });
 
-/** Two axes to draw a curve at. */
-const axes = () => draw("svg", { viewBox: "0 0 420 150", width: 420, height: 150, "aria-hidden": "true" }, draw("path", { d: "M80 148V4M76 12L80 4L84 12M8 134H412M404 130L412 134L404 138", fill: "none", stroke: "#000" }));
+/** Two axes to draw a curve at: bare, or to the right and upwards with a unit each, from where to where. */
+function axes(ends) {
+  const given = Array.isArray(ends), [[x, left, right], [y, low, high]] = given ? ends : [["", 0, 1], ["", 0, 1]], bottom = 132;
+  const X = (v) => 80 + 320 * (v - left) / (right - left), Y = (v) => bottom - 118 * (v - low) / (high - low), zero = X(Math.max(0, left));
+  const word = (v, unit, last, at) => draw("text", { "font-size": 12, ...at }, `${local(String(v)).replace("-", "−")}${v === last ? ` ${unit}` : ""}`), told = (list, unit, at) => list.map((v) => word(v, unit, list.at(-1), at(v)));
+  const across = given ? ticksOf(left, right, 8) : [], up = given ? ticksOf(low, high, 5).filter((v) => v !== low) : [];
+  return draw("svg", { viewBox: "0 0 420 152", width: 420, height: 152, "aria-hidden": "true" }, draw("path", { d: `M${zero} ${bottom + 6}V4m-4 8l4 -8l4 8M8 ${bottom}H412m-8 -4l8 4l-8 4${across.map((v) => `M${X(v)} ${bottom}v5`).join("")}${up.map((v) => `M${zero} ${Y(v)}h-5`).join("")}`, fill: "none", stroke: "#000" }),
+    ...told(across, x, (v) => ({ x: X(v), y: bottom + 18, "text-anchor": "middle" })), ...told(up, y, (v) => ({ x: zero - 8, y: Y(v) + 4, "text-anchor": "end" })));
+}
 
 /** The part of the body round the loads, with a number in every cell that has one. */
 function grid({ run: { lattice: L, kinds }, scene }, title, numbers, all) {

@@ -187,10 +187,10 @@ def _collect(collector: Any, model: SteppedModel) -> None:
         filed[rows - 1] = filed.pop(step)
 
 
-ADDED = "[*super().emissions(load), row] adds a row"
+ROW = "[*super().emissions(load), row] adds a row"
 HANDED = "write self.model.hand_over(self, arm, load)"
 SLEEPS = "agent_at of a cell that sleeps is None"
-HINTS = {"'NoneType'": SLEEPS, "te tuple": ADDED, "'append'": ADDED, "'hand_over'": HANDED}
+HINTS = {"'NoneType' object has": SLEEPS, "te tuple": ROW, "'append'": ROW, "'hand_over'": HANDED}
 """What to do about errors that agents of one's own often make, by a part of what they say."""
 
 

@@ -266,7 +266,7 @@ class LoadModel(SteppedModel):
     def agent_at(self, index: tuple[int, ...]) -> MaterialAgent | None:
         """Return the material agent of a cell of the scene, None if no load has woken it."""
         told = f"index: column and row of a cell are needed, such as (10, 19), got {brief(index)}"
-        require(hasattr(index, "__iter__"), told)
+        require(hasattr(index, "__len__") and len(index) == self.lattice.dimension, told)
         return self._objects().agents.get(tuple(index))
 
     def axis_of(self, direction: int) -> int:

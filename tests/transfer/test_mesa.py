@@ -63,8 +63,9 @@ def test_until_pauses_and_a_finished_model_counts_nothing(engine):
     told = r"until: a function of the model \(until=lambda model"
     with pytest.raises(ParameterError, match=told):
         model.run(until=lambda: True)
-    with pytest.raises(ParameterError, match=r"index: .* such as \(10, 19\), got 3"):
-        model.agent_at(3)
+    for index in (3, (3, 4, 0, 1)):
+        with pytest.raises(ParameterError, match=r"index: .* such as \(10, 19\), got \(?3"):
+            model.agent_at(index)
     assert (model.steps, model.running) == (4, True)
     model.run()
     steps = model.steps

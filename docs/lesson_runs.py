@@ -152,7 +152,6 @@ PAGES: dict[str, dict[str, Run]] = {
 """What is shown, by lesson and page; the nameless page is the lesson's own."""
 EVIDENCE: dict[str, dict[str, Run]] = {
     "agents-of-many-sizes": {
-        "even": partial(kaju.solve, plate(), resolution=8),
         "sixteenth": partial(spawned, plate(), 0.00125),
     },
     "two-wrong-answers": {"bar": partial(spawned, bar())},

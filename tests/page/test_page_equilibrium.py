@@ -55,9 +55,7 @@ def test_loads_beyond_all_bounds_leave_elasticity_its_colours(twin):
         assert drawn["scale"]["high"] == pytest.approx(2.0, rel=0.1)  # the load, not 50 GN
     for generation in (5, 60):
         twin.js(f"page.seek({generation})")
-        high, most = twin.js(
-            "[page.scale('taken').high, Math.max(...page.values('taken').map((v) => v || 0))]"
-        )
+        high, most = twin.js("[page.scale().high, Math.max(...page.values().map((v) => v || 0))]")
         assert most <= high < 10.0 * most
 
 

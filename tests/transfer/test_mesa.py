@@ -206,22 +206,15 @@ def test_a_recorder_of_mesas_takes_the_figures():
     assert len(table) == model.generation + 1
 
 
-def test_a_step_that_collects_is_told_that_the_model_does():
-    class Twice(LoadModel):
-        def __init__(self, scene, collector=None):
-            super().__init__(scene)
-            if collector:
-                self.datacollector = collector
-
-        def step(self):
-            super().step()
-            self.datacollector.collect(self)
-
+def test_what_collects_twice_or_too_early_is_told():
+    steps = {"step": lambda self: (LoadModel.step(self), self.datacollector.collect(self))}
     for own in (None, DataCollector({"g": "generation"}), DataCollector({}, {"kept": "kept"})):
+        model = type("Twice", (LoadModel,), steps)(small())
+        if own:
+            model.datacollector = own
         with pytest.raises((AttributeError, ParameterError)) as told:
-            Twice(small(), own).run()
-        notes = getattr(told.value, "__notes__", [])
-        assert "leave collect() out of step" in f"{told.value}{notes}"
-    begin = {"__init__": lambda self: setattr(self, "datacollector", own)}
+            model.run()
+        assert "leave collect() out" in f"{told.value}{getattr(told.value, '__notes__', '')}"
+    early = {"__init__": lambda self: setattr(self, "datacollector", own)}
     with pytest.raises(ParameterError, match=r"set it after super\(\).__init__\(scene\)"):
-        type("Early", (LoadModel,), begin)()
+        type("Early", (LoadModel,), early)()

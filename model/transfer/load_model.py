@@ -188,7 +188,7 @@ class LoadModel(SteppedModel):
         course.begin()
         step()
         course.end()
-        self.running = course.running
+        self.running = self.running and course.running  # a step may have stopped the model
         course.seconds += perf_counter() - began
 
     def step(self) -> None:

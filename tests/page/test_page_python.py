@@ -321,6 +321,25 @@ def test_a_models_own_numbers_and_seed_are_those_with_which_its_page_begins(open
     assert "cell.neighborhood.agents: is not in the page" in asked["error"]
 
 
+def by_column(agents):
+    return sorted(agents, key=lambda agent: agent.index)[:2]
+
+
+def test_an_order_of_a_model_is_that_of_its_page_and_of_what_is_saved(opened, tmp_path):
+    model = LoadModel(SCENES["sides"], material_agent=Fickle, order=by_column, part=0.8, rng=7)
+    page = opened(kaju.export_page(model, tmp_path / "page.html", python=True))
+    with page.tab.expect_download() as saved:
+        page.press("Save as Python")
+    code = saved.value.path().read_text("utf-8")
+    assert "material_agent=Fickle, order=by_column, part=0.8, seed=7)" in code
+    found, last = runs(page, page.js("page.studio.code")), model.again(model.scene).run().last
+    assert (found["taken"], found["generations"]) == pytest.approx(
+        (last.ledger.taken, last.generations), rel=1e-12
+    )
+    with pytest.raises(kaju.KajuError, match="python: should be a valid boolean"):
+        kaju.export_page(model, tmp_path / "page.html", python=Fickle)
+
+
 def test_a_class_whose_source_is_not_at_hand_leaves_code_that_python_reads():
     model = LoadModel(SCENES["sides"], material_agent=type("Mine", (MaterialAgent,), {}))
     told = header_of(packed_page(model, python=True))

@@ -56,6 +56,26 @@ def test_a_step_in_which_no_agent_acts_is_refused_at_once():
     assert late(plate()).run().last.outcome.startswith("at rest")
 
 
+def test_a_step_ends_the_run_by_setting_running_to_false():
+    class Enough(LoadModel):
+        def step(self):
+            super().step()
+            self.running = self.generation < 3
+
+    class Full(MaterialAgent):
+        def take(self, load):
+            super().take(load)
+            self.model.running = len(self.model.agents_by_type[Full]) < 9
+
+    last = Enough(plate()).run().last
+    assert last.outcome == "interrupted after 3 generations"
+    row = mesa.batch_run(Enough, {"scene": [plate()]}, display_progress=False)[-1]
+    assert row["load_taken"] == last.ledger.taken
+    full = LoadModel(plate(), material_agent=Full)
+    full.run()
+    assert (full.running, full.generation) == (False, 3)
+
+
 @ENGINES
 def test_until_pauses_and_a_finished_model_counts_nothing(engine):
     model = LoadModel(plate(), engine=engine)

@@ -218,8 +218,8 @@ export class Workshop {
     const { page, code, values } = this, toml = tomlOf(page.scene, page.cells).replaceAll("\\", "\\\\").replaceAll('"""', "'''"), plain = bare(code);
     const bases = Object.fromEntries([...plain.matchAll(/^class (\w+)\((?:kaju\.)?(\w+)/gm)].map(([, n, base]) => [n, base])), root = (n) => (bases[n] ? root(bases[n]) : n);
     const last = (base) => Object.keys(bases).findLast((n) => root(n) === base), kinds = { free: "FreeBoundaryAgent", rigid: "RigidBoundaryAgent", roller: "RollerBoundaryAgent" };
-    const walls = Object.entries(kinds).filter(([, base]) => last(base)).map(([kind, base]) => `"${kind}": ${last(base)}`).join(", "), order = [...plain.matchAll(/^def (\w+)\(waiting\b/gm)].at(-1)?.[1];
-    const given = Object.entries(values).filter(([n]) => this.parameters.some(({ name }) => name === n) && new RegExp(`^ +${n}\\b.*\\bParameter\\b`, "m").test(plain)).map(([n, v]) => [n, v === true ? "True" : v === false ? "False" : String(v)]);
+    const walls = Object.entries(kinds).filter(([, base]) => last(base)).map(([kind, base]) => `"${kind}": ${last(base)}`).join(", "), order = [...plain.matchAll(/^def (\w+)\(waiting\b|^order = (\w+)/gm)].at(-1)?.slice(1).find(Boolean);
+    const given = Object.entries(values).filter(([n]) => new RegExp(`^ +${n}\\b.*\\bParameter\\b`, "m").test(plain)).map(([n, v]) => [n, v === true ? "True" : v === false ? "False" : String(v)]);
     const how = [["material_agent", last("MaterialAgent")], ["boundary_agents", walls && `{${walls}}`], ["order", order], ...given, ["seed", String(values.seed ?? 1)]].filter(([, v]) => v).map(([n, v]) => `, ${n}=${v}`).join("");
     return hand("agent.py", new Blob([`${code.trimEnd()}\n\n\nSCENE = """\n${toml}"""\n\nif __name__ == "__main__":\n    from kaju import LoadModel, Scene\n\n    model = LoadModel(Scene.from_toml(SCENE)${how})\n    last = model.run().last\n    print(len(last.cells), last.generations, last.ledger.taken)\n`], { type: "text/x-python" }));
   }

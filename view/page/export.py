@@ -146,6 +146,7 @@ def export_page(
         for part in given.values() if isinstance(given, Mapping) else ():
             check_type(name, part, str)
     check_type("presets", presets, Mapping[str, Any] | None)
+    check_type("python", python, bool)
     for name, preset in (presets or {}).items():
         scene = preset[0] if isinstance(preset, tuple) and len(preset) == 2 else preset
         if not isinstance(scene, Scene):
@@ -251,11 +252,14 @@ def _own_data(model: Any) -> dict[str, Any]:
     parts = list(dict.fromkeys(p if hasattr(p, "__name__") else type(p) for p in chosen))
     if not parts:
         return {}
+    sources = [_source(part) for part in parts]
+    if getattr(model.order, "__name__", "").isidentifier():  # not of a lambda
+        sources.append(f"order = {model.order.__name__}")
     values = getattr(model, "parameters", {})
     classes = [part for part in parts if isinstance(part, type)]
     own = {
         "names": [part.__name__ for part in parts],
-        "source": "\n\n".join(map(_source, parts)),
+        "source": "\n\n".join(sources),
         "parameters": [
             {"name": name, "label": parameter.text or name, "value": values[name]}
             for name, parameter in declared(classes, Parameter).items()

@@ -149,6 +149,7 @@ def begin(names, told):
                     classes[name] = value
         elif isinstance(value, type(begin)) and value.__code__.co_varnames[:1] == ("waiting",):
             order = value
+    order = names["order"] if callable(names.get("order")) else order
     if not classes and order is None:
         raise KajuError("class: there is no class of agents; write class Mine(MaterialAgent)")
     numbers = declared(classes.values(), Parameter)

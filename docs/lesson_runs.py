@@ -151,9 +151,7 @@ PAGES: dict[str, dict[str, Run]] = {
 }
 """What is shown, by lesson and page; the nameless page is the lesson's own."""
 EVIDENCE: dict[str, dict[str, Run]] = {
-    "agents-of-many-sizes": {
-        "sixteenth": partial(spawned, plate(), 0.00125),
-    },
+    "agents-of-many-sizes": {"sixteenth": partial(spawned, plate(), 0.00125)},
     "two-wrong-answers": {"bar": partial(spawned, bar())},
     "how-things-break": {
         **{f"net-{seed}": partial(torn, 2.0, seed=seed) for seed in (1, 2, 3)},

@@ -143,6 +143,7 @@ def test_the_rod_that_is_drawn_is_the_one_that_was_clicked(shown):
         drawn = [f"(page.picked = {rod}, page.seek({g}), page.draw(), {ends})" for g in (0, 1)]
         rest, held = (np.ptp(page.js(each)) for each in drawn)
         assert (held > rest) == grows
+        assert page.text(".cap").endswith(page.js("`${page.word('tension')} ${page.read()}`"))
 
 
 def test_outlines_are_lines_that_the_agents_move():

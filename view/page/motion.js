@@ -102,6 +102,8 @@ export class MotionPage extends Page {
     const v = this.value(this.picked, name), { log, high } = this.scale(name);
     return quantity(!log && Math.abs(v) < 1e-6 * high ? 0 : v, this.unitOf(name), log ? 0 : high);
   }
+  /** The same for a lesson's caption: beside the questions the card of what was clicked is a long way down. */
+  get reading() { return this.lesson && this.picked >= 0 && this.there(this.picked) ? `${this.word(this.look.colour)} ${this.read()}` : ""; }
   /** How far the middle of a part has moved. */
   shift(part) {
     const { parts, corners, dimension: d, each, moved: { [this.g]: moved } } = this;
@@ -160,7 +162,7 @@ export class MotionPage extends Page {
     }
     if (scale && !(this.lesson?.step === "step" && this.g === 0 && look.colour !== "density")) paintLegend(view, scale, this.word(look.colour), this.kindOf(scale), (v) => quantity(v, this.unitOf(look.colour), scale.log ? 0 : scale.high), inks);
     const level = this.visits[this.g], block = Array(this.dimension).fill(2 ** level).join("×");
-    this.parts.cap.textContent = this.told || [level > 0 && t("parents", { n: block }), this.times && Math.abs(this.times - 1) > 1e-9 && t("magnified", { n: quantity(this.times, "") }), this.lesson && t("measures", { s: this.sides.map((side) => quantity(Number(side.toPrecision(3)), "m")).join(" × ") }), this.lesson && this.corners === 2 && t(this.pulled.size ? "pulledMark" : "heldMark"), this.breaking.length > 0 && t("breaksNow"), this.lesson && this.breaking.length > 0 && this.g === this.run.generation && this.parts.verdict.textContent].filter(Boolean).join(" · ");
+    this.parts.cap.textContent = this.told || [level > 0 && t("parents", { n: block }), this.times && Math.abs(this.times - 1) > 1e-9 && t("magnified", { n: quantity(this.times, "") }), this.lesson && t("measures", { s: this.sides.map((side) => quantity(Number(side.toPrecision(3)), "m")).join(" × ") }), this.lesson && this.corners === 2 && t(this.pulled.size ? "pulledMark" : "heldMark"), this.breaking.length > 0 && t("breaksNow"), this.reading, this.lesson && this.breaking.length > 0 && this.g === this.run.generation && this.parts.verdict.textContent].filter(Boolean).join(" · ");
   }
   placesOf(part) { return Array.from({ length: this.corners }, (_, i) => this.where(this.parts[part * this.corners + i])); }
   middle(part) {
@@ -258,7 +260,7 @@ export class MotionPage extends Page {
     if (!box.isConnected) return;
     const { lesson } = this, seen = this.seen = Math.max(this.seen ?? 0, g), limit = !lesson || lesson.teacher ? Infinity : at[seen];   // what a lesson lets read is played first
     const list = lesson?.curves ? lesson.curves.flatMap((name) => curveList.find(({ title }) => title.startsWith(name)) ?? []) : curveList.slice(0, 6), shown = (lines, all = Object.entries(lines)) => all.filter(([, list]) => all.length < 4 || largest(list) > 0.01 * Math.max(...Object.values(lines).map(largest)));   // of many, those that are not nothing
-    if (g && lesson && this.canvas.clientWidth < 520) this.parts.cap.textContent = list.filter(({ place }) => !place).map(({ title, unit, at: over, lines }) => `${named(title)}: ${Object.values(lines).map((line) => quantity(line[over.findIndex((v) => v >= at[g])], unit, largest(line))).join(", ")}`).concat(this.picked >= 0 && this.there(this.picked) ? `${this.word(this.look.colour)} ${this.read()}` : [], this.breaking.length && g === this.run.generation ? this.parts.verdict.textContent : []).join(" · ");   // on a phone the charts, and what was clicked, are a long way down
+    if (g && lesson && this.canvas.clientWidth < 520) this.parts.cap.textContent = list.filter(({ place }) => !place).map(({ title, unit, at: over, lines }) => `${named(title)}: ${Object.values(lines).map((line) => quantity(line[over.findIndex((v) => v >= at[g])], unit, largest(line))).join(", ")}`).concat(this.reading || [], this.breaking.length && g === this.run.generation ? this.parts.verdict.textContent : []).join(" · ");   // on a phone the charts, and what was clicked, are a long way down
     paintGrid(box, list.map(({ title, unit, at: over, axis, lines, logarithmic, course, bars, place }) =>
       ({ word: named(title), unit, over, lists: shown(lines).map(([, list]) => list), names: shown(lines).map(([name]) => named(name)), now: place ? null : at[g], log: logarithmic, course, bars, axis, along: place || course ? "" : this.way, end: place || course ? 0 : at.at(-1), limit: place && limit < at.at(-1) ? -Infinity : limit })), inks);
   }

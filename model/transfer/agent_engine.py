@@ -336,7 +336,8 @@ class AgentEngine:
             known, changes = self.known[name], self.changes[name]
             for number, agent in enumerate(self.agents.values()):
                 value = getattr(agent, name)
-                if value == known.get(agent, state.default):
+                same = value == known.get(agent, state.default)
+                if isinstance(same, bool | np.bool_) and same:  # of an array it is an array
                     continue
                 if not state.allows(value):
                     told = f"must be a {state.kind}, and is {brief(value)}"

@@ -167,7 +167,7 @@ def test_a_guess_is_not_judged_and_what_a_question_looks_at_is_there(opened, tmp
     assert page.text("a[aria-current]") == "mit dem Schnitt"  # this page
     assert page.text(".recalled").startswith("Du hast noch nicht vermutet: Beginne mit")
     page.js("(page.lesson.answers.warning = ['', '', '2 cm'], page.lesson.open(3))")
-    assert "bitte in Federn" in page.text("aside .flow")
+    assert "bitte in %" in page.text("aside .flow")
     page.press("Zurück")  # this page is one of those that question 3 asks for
     assert page.js("[page.lesson.at, page.lesson.here]") == [2, finer.name]
     page.press("Zurück")  # question 2 is about the first net

@@ -83,7 +83,7 @@ function cutCard(page, cuts) {
     Number.isNaN(cut.needed) ? make("p", { textContent: t("bothHeld") }) : freeBody(page, cut)];
 }
 /** On its way + ended + ground − made by the shares is what was put on, in every generation. */
-function whereCard(page, cuts) {
+function whereCard(page) {
   const { t, run, g } = page, { ledger } = run;
   if (!ledger) return [make("summary", { textContent: t("onlyTwin") })];
   if (run.grown) return [make("summary", { textContent: t("whereWent", { n: quantity(ledger.applied, "N") }) }), make("p", { textContent: t("grown") })];
@@ -97,11 +97,11 @@ function whereCard(page, cuts) {
   }
   const ticks = [...ticksOf(0, high, 2).map((v) => draw("text", { x: x - 4, y: Y(v) + 4, "text-anchor": "end" }, quantity(v, "N"))), ...ticksOf(0, rows.length - 1, 4).filter(Number.isInteger).map((i) => draw("text", { x: X(i), y: h - 4, "text-anchor": "middle" }, String(i)))];
   const words = { way: "onItsWay", ended: "itEnded", ground: "toGround", made: now.made > 0 ? "madeBy" : "lostBy" }, list = parts(now).filter(([name, v]) => name === "ground" || name === "way" || Math.abs(v) > SAME * applied);
-  const { own, out } = page.deformable ? { own: run.transfer.shares[0].own, out: run.transfer.emitted[0] } : {}, kept = cuts.reduce((sum, { carried }) => sum + carried, 0);
+  const { own, out } = page.deformable ? { own: run.transfer.shares[0].own, out: run.transfer.emitted[0] } : {};
   return [make("summary", { textContent: t("whereWent", { n: quantity(applied, "N") }) }), make("p", { className: "small soft", textContent: t("overGenerations") }),
     draw("svg", { class: "chart where", viewBox: `0 0 ${w} ${h}`, role: "img", "aria-label": t("whereWent", { n: quantity(applied, "N") }) }, ...areas, draw("path", { class: "now", d: `M${X(g)} ${y}V${h - 20}` }), ...ticks),
     make("ul", { className: "where" }, ...list.map(([name, v]) => make("li", { className: name }, `${t(words[name])} `, make("data", { value: String(name === "made" ? -v : v), textContent: quantity(name === "made" ? Math.abs(v) : v, "N") }))), make("li", {}, t("wholeSum", { n: quantity(parts(now).reduce((sum, [, v]) => sum + v, 0), "N") }))),
-    make("p", { className: "small soft", textContent: `${Math.abs(now.ground) > SAME * applied ? `${t("groundTwice")} ` : ""}${Math.min(now.way, now.ended, now.ground) < -SAME * applied ? `${t("belowZero")} ` : ""}${page.scene.materials.length === 1 ? t("squeezeApart", { n: quantity(kept, "N"), own: general(own, 3), out: general(out, 3) }) : ""}` })];
+    make("p", { className: "small soft", textContent: `${Math.abs(now.ground) > SAME * applied ? `${t("groundTwice")} ` : ""}${Math.min(now.way, now.ended, now.ground) < -SAME * applied ? `${t("belowZero")} ` : ""}${page.scene.materials.length === 1 ? t("squeezeApart", { own: general(own, 3), out: general(out, 3) }) : ""}` })];
 }
 
 // --------------------------------------------------------------------------------------- mode
@@ -150,7 +150,7 @@ MODES.push({
     if (read) page.parts.cap.textContent = page.told || `${t("rowOf", { n: read.at })}: ${t("theRule")} ${inOneUnit(read.carried, read)}${page.ruleAlone ? "" : `, ${t("elastic")} ${inOneUnit(read.elastic, read)}`}${page.pointed ? ` · ${page.pointed}` : ""}`;
     say.replaceChildren(make("p", { textContent: t(kept ? "isBalanced" : "noBalance") })); say.hidden = asks(page);
     cut.replaceChildren(...cutCard(page, cuts));
-    if (!page.playing) where.replaceChildren(...whereCard(page, cuts));
+    if (!page.playing) where.replaceChildren(...whereCard(page));
   },
   press(page, event) {
     const { at, near } = under(page, event);

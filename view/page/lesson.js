@@ -283,13 +283,16 @@ export function lessonSide(page) {
   return { tabs, body: [...notes, panel, make("details", { className: "card teach", open: lesson.teacher }, make("summary", { textContent: t("teacher") }), teacher, button(t("forget"), ({ target }) => { if (target.textContent === t("forgetSure")) lesson.forget(); else target.textContent = t("forgetSure"); }, { className: "small" }))], foot };
 }
 
+/** The unit of what was typed, unless it brings one of its own. */
+const unitFor = (text, unit) => (/\d\s*[^\d\s.,]+\s*$/.test(text) ? "" : unit ?? "");
+
 function questionCards(lesson, q) {
   const { page } = lesson, { t } = page, say = (text) => page.say(text);
   const head = make("p", { className: "soft small" }, icon("clock"), t("questionOf", { n: lesson.at + 1, m: lesson.questions.length, t: q.minutes ?? "–" }));
   const list = [head, ...(lesson.intro && q.step === "predict" ? [rendered(say(lesson.intro))] : []), make("h2", { className: "question" }, ...inline(say(q.question)))];
   if (q.note) list.push(rendered(say(q.note)));
   const [guess] = lesson.questions, said = lesson.own(guess);
-  if (q.recalls && said) list.push(make("p", { className: "recalled", textContent: t("youGuessed", { x: `${said} ${say(guess.fields?.[0].unit) ?? ""}` }) }));
+  if (q.recalls && said) list.push(make("p", { className: "recalled", textContent: t("youGuessed", { x: `${said} ${unitFor(said, say(guess.fields?.[0].unit))}` }) }));
   if (q.kind === "cells") list.push(...guessCards(lesson, q));
   if (lesson.opens && lesson.keeps && !lesson.teacher && !lesson.guessed(guess)) list.unshift(make("p", { className: "recalled" }, ...inline(t("beginHere", { to: `${lesson.key}.html` }))));   // who came by a link
   lesson.saved = make("small", { className: `saved${lesson.keeps ? "" : " bad"}`, role: "status", textContent: lesson.told });
@@ -330,7 +333,7 @@ function numberCard(lesson, q, field, i) {
     if (said) verdict.prepend(icon(right ? "tick" : "cross"));
   };
   lesson.judges.push(judge);
-  input.oninput = () => lesson.answer(q, input.value, i);
+  input.oninput = () => { lesson.answer(q, input.value, i); verdict.replaceChildren(); };   // judged when it is left
   input.onchange = () => lesson.judges.forEach((each) => each());   // one answer may tell of another
   judge();
   return make("label", { className: "card" }, make("span", { className: "small soft" }, ...inline(label)), make("span", { className: "typed" }, input, unit), verdict);
@@ -408,7 +411,7 @@ function answerOf(page, q) {
   const { lesson, t } = page, given = lesson.answers[q.key], lines = (n) => Array.from({ length: n }, () => make("div", { className: "ruled" }));
   const written = lesson.said(q.kind === "number" ? given?.[q.fields.length] : given), text = written?.trim() ? [make("p", { className: "given", textContent: written })] : null;
   if (q.kind === "number") return [make("table", {}, make("tr", {}, ...q.fields.map((f) => make("th", {}, page.say(f.label) ?? ""))),
-    make("tr", {}, ...q.fields.map((f, i) => make("td", {}, make("em", { textContent: given?.[i] ?? "" }), ` ${/\d\s*[^\d\s.,]+\s*$/.test(given?.[i]) ? "" : page.say(f.unit) ?? ""} ${lesson.sign(q, i)}`)))), ...(q.draws ? [axes(q.draws)] : []), ...(q.write ? [make("p", {}, ...inline(page.say(q.write)))] : []), ...(q.lines ? text ?? lines(q.lines) : [])];
+    make("tr", {}, ...q.fields.map((f, i) => make("td", {}, make("em", { textContent: given?.[i] ?? "" }), ` ${unitFor(given?.[i], page.say(f.unit))} ${lesson.sign(q, i)}`)))), ...(q.draws ? [axes(q.draws)] : []), ...(q.write ? [make("p", {}, ...inline(page.say(q.write)))] : []), ...(q.lines ? text ?? lines(q.lines) : [])];
   if (q.draws === true) return [bodyOf(page, q), ...(text ?? lines(1))];
   if (q.kind !== "cells" || page.run.lattice?.dimension !== 2) return text ?? lines(q.lines ?? 3);
   const guess = lesson.guesses[q.key] ?? {}, first = lesson.firsts[q.key], spawned = {}, { scene, cells = page.start.cells } = page.presets[q.show?.preset ?? 0];

@@ -3,6 +3,7 @@
 import ast
 import sys
 from pathlib import Path
+from random import Random
 
 import numpy as np
 import pytest
@@ -322,7 +323,27 @@ def test_a_models_own_numbers_and_seed_are_those_with_which_its_page_begins(open
 
 
 def by_column(agents):
-    return sorted(agents, key=lambda agent: agent.index)[:2]
+    drawn = agents[0].random.sample(agents, len(agents))
+    agents[0].random.shuffle(drawn)
+    return drawn[:2]
+
+
+class Stopped(LoadModel):
+    def step(self):
+        super().step()
+        self.running = self.generation < 3
+
+
+def test_a_page_that_runs_another_model_than_was_recorded_says_so(opened, tmp_path):
+    for order in (None, lambda waiting: waiting[:1]):
+        model = Stopped(SCENES["sides"], material_agent=Fickle, order=order, rng=7)
+        page = opened(kaju.export_page(model, tmp_path / "page.html", python=True))
+        runs(page, page.js("page.studio.code"))
+        told = page.js("page.studio.score()")
+        assert f"3 generations and {model.result().last.ledger.taken:.4g} N taken: the page" in told
+        code = page.js("page.studio.code") + "\n"  # another code than that of the record
+        runs(page, code + "def mine(waiting): print(waiting[0].random.sample(range(99), 3))\n")
+        assert page.js("page.studio.printed").startswith(f"{Random(7).sample(range(99), 3)}\n")
 
 
 def test_an_order_of_a_model_is_that_of_its_page_and_of_what_is_saved(opened, tmp_path):

@@ -65,7 +65,7 @@ export function told(t, { error, args = [], line }, code) {
 
 export class Workshop {
   constructor(page, { code, needs, values, ready, blob, licence }) {
-    Object.assign(this, { page, code, needs, ready, blob, licence, first: code, words: Object.assign({}, ...Object.values(ready).map((one) => one.words)), parameters: [], names: [], values, printed: "", problem: null, active: false, foreign: false });
+    Object.assign(this, { page, code, needs, ready, blob, licence, first: code, words: Object.assign({}, ...Object.values(ready).map((one) => one.words)), parameters: [], names: [], values, begun: values, printed: "", problem: null, active: false, foreign: false });
     globalThis.kaju = { runAgent: (text) => this.run(text) };
     setTimeout(() => this.wake(), 50);
   }
@@ -113,7 +113,14 @@ export class Workshop {
     if (error) { this.busy = false; this.end(told(this.page.t, { error, args, line }, this.code)); return; }
     if (declares) { Object.assign(this, declares); return; }
     this.busy = false;
-    this.show(run); this.end(grew ? { ...end, grew } : end);
+    const recorded = this.otherThan(end);
+    this.show(run); this.end({ ...end, ...(grew ? { grew } : {}), ...(recorded ? { recorded } : {}) });
+  }
+  /** What was recorded in Python, if the same code has just done something else in the page. */
+  otherThan({ agents, generations, taken }) {
+    const { page: { kind, run }, code, first, values, begun } = this, sum = run.taken?.value.reduce((a, b) => a + b, 0);
+    const same = kind !== "recorded" || code !== first || values !== begun || (run.agents === agents && run.generation === generations && Math.abs(sum - taken) <= 1e-5 * taken);
+    return same ? null : { a: run.agents, g: run.generation, t: general(sum, 4) };
   }
   /** The first lines are shown; who prints a thousand has a loop that does not end in mind, or in the code. */
   print(text, at) {
@@ -171,10 +178,10 @@ export class Workshop {
       ...((page.lesson?.step ?? "try") === "try" ? [game, score] : []), ...(this.printed ? [make("pre", { className: "printed", tabIndex: 0, textContent: this.printed + (this.shown > PRINTED ? `… ${this.shown}` : "") })] : [])];
   }
   score() {
-    const { page, page: { t, run } } = this, { agents, generations, taken, air, ground, rollers, lost, grew } = this.result, n = (x) => general(x, 4);
+    const { page, page: { t, run } } = this, { agents, generations, taken, air, ground, rollers, lost, grew, recorded } = this.result, n = (x) => general(x, 4);
     if (grew) return t("atLine", { n: grew, e: t("grew") });
     const states = (run.states ?? []).filter(([, , whether]) => whether).map(([name, meaning]) => `, ${run[`state ${name}`].value.reduce((a, b) => a + b, 0)} ${page.say(meaning)}`);
-    return t("codeScore", { a: agents, g: generations, t: n(taken), s: states.join("") }) + (ground ? t("footGot", { r: n(ground), f: n(this.foot()) }) : "") + (air ? t("toAir", { x: n(air) }) : "") + (rollers ? t("toRollers", { x: n(rollers) }) : "") + (lost > 1e-9 ? t("lost", { x: general(100 * lost, 2) }) : "");
+    return t("codeScore", { a: agents, g: generations, t: n(taken), s: states.join("") }) + (ground ? t("footGot", { r: n(ground), f: n(this.foot()) }) : "") + (air ? t("toAir", { x: n(air) }) : "") + (rollers ? t("toRollers", { x: n(rollers) }) : "") + (lost > 1e-9 ? t("lost", { x: general(100 * lost, 2) }) : "") + (recorded ? ` ${t("otherRun", recorded)}` : "");
   }
   /** The challenge: with five lines most of the load to the left foot, nearly all of it to the ground. The header has the score, [1] says why it does not count. */
   challenge() {

@@ -3,7 +3,7 @@
 Their sources stand between its two parts, see heart.py. The page calls the functions at the end.
 """
 
-from math import inf  # noqa: F401
+from math import ceil, inf, log  # noqa: F401
 
 from _random import Random as Twister
 from browser import self as _page
@@ -53,6 +53,28 @@ class Random(Twister):
 
     def choice(self, values):
         return values[self.randint(0, len(values) - 1)]
+
+    def shuffle(self, values):
+        for last in range(len(values) - 1, 0, -1):
+            other = self.randint(0, last)
+            values[last], values[other] = values[other], values[last]
+
+    def sample(self, values, count):
+        few = 21 if count <= 5 else 21 + 4 ** ceil(log(3 * count) / log(4))
+        if not 0 <= count <= len(values):
+            raise ValueError("a sample is larger than what it is drawn from, or below 0")
+        left, chosen = list(values), []
+        if len(left) <= few:  # what was drawn makes room for the last one, as in Python
+            for last in range(len(left) - 1, len(left) - 1 - count, -1):
+                place = self.randint(0, last)
+                chosen.append(left[place])
+                left[place] = left[last]
+            return chosen
+        while len(chosen) < count:
+            place = self.randint(0, len(left) - 1)
+            if place not in chosen:
+                chosen.append(place)
+        return [left[place] for place in chosen]
 
 class Elsewhere:
     """What kaju has and the page has not: it may be imported, not used."""

@@ -126,10 +126,11 @@ def _rounded_up(value: float) -> float:
 
 def accepted(value: float, tolerance: float) -> str:
     """Return an answer to a quarter of what is allowed, and between which numbers it is right."""
-    short = next(r for n in range(9) if abs((r := round(value, n)) - value) <= tolerance / 4 + 1e-9)
+    near = tolerance / 4 + 1e-9
+    short = next(r for n in range(9) if abs((r := round(value, n)) - value) <= near)
     if tolerance <= 0.004 * abs(value):
         return f"{short:g}"
-    step = 10.0 ** floor(log10(tolerance))
+    step = 10.0 ** floor(log10(near))
     low, high = ceil((value - tolerance) / step), floor((value + tolerance) / step)
     return f"{short:g} ({low * step:g} – {high * step:g})"
 

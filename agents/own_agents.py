@@ -184,7 +184,7 @@ class OwnAgents:
                 raise self.wrong(agent, "emissions", told) from None
             parts = {"arm": arm, "direction": direction, "sense": sense, "share": share}
             self._check_fit(agent, "emissions", row, parts)
-            checked.append((int(arm), int(direction), share, sense))  # True would mask an array
+            checked.append((int(arm), int(direction), float(share), sense))  # True masks an array
         if len(checked) > MOST_EMISSIONS:
             raise self.wrong(agent, "emissions", f"returned more than {MOST_EMISSIONS} for a load")
         return checked

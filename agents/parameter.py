@@ -151,8 +151,10 @@ class State(Declaration):
 
 def is_number(value: object) -> bool:
     """Tell whether a value is a finite number, True or False."""
-    real = type(value) is float or isinstance(value, Real | np.bool_)  # which takes far longer
-    return real and bool(-float_info.max <= value <= float_info.max)  # type: ignore[operator]
+    if type(value) is not float:  # the rest takes far longer
+        value = value.item() if isinstance(value, np.generic) else value
+    most = float_info.max
+    return isinstance(value, Real) and bool(-most <= value <= most)  # type: ignore[operator]
 
 
 Declared = TypeVar("Declared", bound=Declaration)

@@ -10,6 +10,7 @@ from functools import partial
 from types import SimpleNamespace
 
 import mesa
+import numpy as np
 import pytest
 from mesa import DataCollector
 from plates import plate as pressed
@@ -74,6 +75,24 @@ def test_a_step_ends_the_run_by_setting_running_to_false():
     full = LoadModel(plate(), material_agent=Full)
     full.run()
     assert (full.running, full.generation) == (False, 3)
+
+
+def test_agents_may_wait_and_an_order_decides_how_soon_loads_end():
+    class Late(MaterialAgent):
+        def step(self):
+            if self.model.generation > 2:
+                super().step()
+
+        def emissions(self, load):  # an array of single precision is told, too
+            return [row._replace(share=np.float32(row.share)) for row in super().emissions(load)]
+
+    usual, late = LoadModel(plate()).run(), LoadModel(plate(), material_agent=Late).run()
+    assert late.last.outcome == f"at rest after {usual.last.generations + 2} generations"
+    assert late.last.ledger.taken == pytest.approx(usual.last.ledger.taken, rel=1e-6)
+    assert type(late.last.ledger.taken) is float
+    one = LoadModel(plate(), order=lambda waiting: waiting[:1])
+    assert one.certificate.verdict == "every load ends; an order of your own decides how soon"
+    assert one.run().last.generations > usual.last.generations
 
 
 @ENGINES

@@ -110,7 +110,7 @@ def islice(values, most):
 
 add = int.__add__
 Real, Integral, SENSES = int | float, int, ("push", "pull")
-np, float_info = Table({"bool_": bool}), Table({"max": 1.7976931348623157e308})
+np, float_info = Table({"bool_": bool, "generic": Elsewhere}), Table({"max": 1.7976931348623157e308})
 
 # ---- kaju
 

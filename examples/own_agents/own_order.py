@@ -1,4 +1,4 @@
-"""An order of work: who acts when. One after another, the lowest first, instead of all at once."""
+"""An order of work: who acts when. The lowest alone in each step, instead of all."""
 
 from kaju import LoadModel, Scene
 

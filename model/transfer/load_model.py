@@ -69,7 +69,7 @@ class LoadModel(SteppedModel):
         Seed of the model's random numbers; the rule itself draws none.
     order : callable, optional
         A function of the agents for which loads wait; it returns those that act in this step, one
-        after another. None: all act at once.
+        after another. None: all act; what they hand over arrives in the next step.
     rule : object, optional
         Your own rule, instead of the scene's: see `kaju.agents.rules.ShareRule`.
     scenario : mesa Scenario, optional

@@ -119,7 +119,7 @@ export class Workshop {
   /** What was recorded in Python, if the same code has just done something else in the page. */
   otherThan({ agents, generations, taken }) {
     const { page: { kind, run }, code, first, values, begun } = this, sum = run.taken?.value.reduce((a, b) => a + b, 0);
-    const same = kind !== "recorded" || code !== first || values !== begun || (run.agents === agents && run.generation === generations && Math.abs(sum - taken) <= 1e-5 * taken);
+    const same = kind !== "recorded" || code !== first || values !== begun || (run.agents === agents && run.generation === generations && general(sum, 4) === general(taken, 4));
     return same ? null : { a: run.agents, g: run.generation, t: general(sum, 4) };
   }
   /** The first lines are shown; who prints a thousand has a loop that does not end in mind, or in the code. */

@@ -151,10 +151,11 @@ class State(Declaration):
 
 def is_number(value: object) -> bool:
     """Tell whether a value is a finite number, True or False."""
-    if type(value) is not float:  # the rest takes far longer
+    if type(value) is not float:  # what this takes is far longer
         value = value.item() if isinstance(value, np.generic) else value
-    most = float_info.max
-    return isinstance(value, Real) and bool(-most <= value <= most)  # type: ignore[operator]
+        if not isinstance(value, Real):
+            return False
+    return bool(-float_info.max <= value <= float_info.max)  # type: ignore[operator]
 
 
 Declared = TypeVar("Declared", bound=Declaration)

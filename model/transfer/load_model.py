@@ -145,13 +145,11 @@ class LoadModel(SteppedModel):
 
         names = [agent.__name__ for agent in classes]
         self.course = LoadTransfer(
-            scene, allow_unstable, max_generations, rule=rule, own=names, engine_of=engine_of
-        )
+            scene, allow_unstable, max_generations,
+            rule=rule, own=names, ordered=order is not None, engine_of=engine_of,
+        )  # fmt: skip
         self.scene, self.lattice = scene, scene.lattice
         self.allow_unstable, self.max_generations = allow_unstable, max_generations
-        if order is not None and self.course.certificate.verdict.startswith("every load ends"):
-            told = "every load ends; an order of your own decides how soon"
-            self.course.certificate = replace(self.course.certificate, verdict=told)
         self.course.parameters, self.certificate = self.parameters, self.course.certificate
         """Whether loads will end, as far as is known before the run (not of agents of your own)."""
         self.engine: AgentEngine | ArrayEngine = self.course.engine

@@ -24,8 +24,9 @@ class LoadTransfer(Stepper[TransferResult]):
     """Loads that pass through a body, stage by stage, until they are at rest.
 
     `engine_of` makes the engine from the tables of the rule; `own` names classes of agents of
-    one's own, about which nothing is certain before the run. It begins with `reset`. On arrays it
-    runs by itself, and waits for no import of Mesa; `LoadModel` runs it with agents.
+    one's own, about which nothing is certain before the run; `ordered`: an order decides when it
+    ends. It begins with `reset`. On arrays it runs by itself, and waits for no import of Mesa;
+    `LoadModel` runs it with agents.
     """
 
     parameters: Mapping[str, Any] = MappingProxyType({})  # of agents of your own
@@ -38,6 +39,7 @@ class LoadTransfer(Stepper[TransferResult]):
         *,
         rule: ShareRule | None = None,
         own: list[str] | None = None,
+        ordered: bool = False,
         engine_of: Callable[[Transfer], Any] = ArrayEngine,
     ) -> None:
         self.scene, self.allow_unstable = scene, allow_unstable
@@ -45,7 +47,7 @@ class LoadTransfer(Stepper[TransferResult]):
         told = f"max_generations: must be a number from 1 upwards, got {brief(max_generations)}"
         require(is_number(max_generations) and max_generations >= 1, told)
         self.transfer = Transfer(scene, rule)
-        self.certificate: Certificate = not_known(own) if own else certify(self.transfer)
+        self.certificate: Certificate = not_known(own) if own else certify(self.transfer, ordered)
         refused = self.certificate.known and not self.certificate.stable
         if refused and not allow_unstable:
             told = f"{self.certificate.verdict}; to watch the loads grow, set allow_unstable=True"

@@ -69,8 +69,8 @@ def stability(scene: Scene) -> Certificate:
     return certify(Transfer(scene))
 
 
-def certify(transfer: Transfer) -> Certificate:
-    """Do the work of `stability` for a rule that is already in tables."""
+def certify(transfer: Transfer, ordered: bool = False) -> Certificate:
+    """Do the work of `stability` for a rule in tables; `ordered`: an order decides who acts."""
     scene, emitted = transfer.scene, transfer.emitted
     lower, upper = float(emitted.min()), float(emitted.max())
     if upper - lower <= 1e-12 * upper:
@@ -102,7 +102,9 @@ def certify(transfer: Transfer) -> Certificate:
         verdict = "no load exceeds the threshold: nothing happens"
     else:
         unit = "generation" if generations == 1 else "generations"
-        verdict = f"every load ends after at most {generations} {unit}"
+        soon = f" after at most {generations} {unit}"
+        soon = "; an order of your own decides how soon" if ordered else soon
+        verdict = f"every load ends{soon}"
         if upper > 1.0 and generations * log(upper) > log(MOST_GROWN):
             verdict += (
                 f", but there may be more and more loads: their sum grows by up to "

@@ -184,6 +184,20 @@ def test_a_guess_is_not_judged_and_what_a_question_looks_at_is_there(opened, tmp
     page.tab.keyboard.press("Tab")
     assert side("small.bad", "bottom") < side(".foot", "top")
     assert side(".charts", "bottom") < side(".fields", "top")
+    page = opened(*make_pages.make_lesson(lesson("who-holds-the-load"), tmp_path))
+    page.js("(page.lesson.answers = { guess: ['2'], cuts: ['0.125', '82', '15', '11'] })")
+    for question, shown in (1, False), (2, False), (3, False), (3, True):  # what answers the next
+        page.js(f"page.lesson.open({question})")
+        if shown:
+            page.js("page.lesson.answers.numbers = ['2.93', '0.18', '2', '0.18', 'no']")
+        page.press("Equilibrium")
+        page.js("page.draw()")
+        assert page.js("!page.cutCards[1].hidden") == shown
+    halved = make_pages.make_lesson(lesson("agents-of-many-sizes"), tmp_path)[0]
+    page = opened(halved, language="de-DE")
+    page.js("(page.lesson.answers.guess = 'x', page.lesson.answers.hole = ['2 cm'])")
+    page.js("page.lesson.open(2)")
+    assert "bitte in mal" in page.text("aside .flow")
     page = opened(*make_pages.make_lesson(lesson("blow-up"), tmp_path))
     page.js("page.lesson.open(1)")
     assert "Every load ends" in page.text(".verdict")

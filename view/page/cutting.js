@@ -1,11 +1,11 @@
 // Equilibrium at a glance: the force through every cut, rule beside elasticity; the part beyond a cut
 // as a free body; and where the force of the loads has gone.
-import { agentsOf, askElastic, bothOf, cutsOf, linesAt, loadAxis } from "./twin.js";
+import { agentsOf, askElastic, bothOf, cellUnder, cutsOf, loadAxis, readingAt } from "./twin.js";
 import { ticksOf } from "./charts.js";
 import { button, draw, make, MODES } from "./controls.js";
 import { FONT, paintLegend, paintNumbers, paintWord } from "./paint.js";
 import { hand } from "./scene.js";
-import { general, local, prefixOf, quantity } from "./words.js";
+import { general, halvesUp, local, prefixOf, quantity } from "./words.js";
 
 const SAME = 1e-9, NUMBERS = 46;               // of the load: what rounding leaves; pixels for the numbers beside bars
 const inOneUnit = (v, { needed, carried }) => quantity(v, "N", Math.max(Math.abs(needed) || 0, Math.abs(carried)));   // the forces of a cut
@@ -53,7 +53,7 @@ function paintBars(page, view, cuts, box, upright) {
   ctx.lineWidth = 1.5; ctx.beginPath(); ctx.roundRect(hx - 11, hy - 10, 22, 20, 6); ctx.fill(); ctx.stroke();
   paintWord(ctx, upright ? "↕" : "↔", hx, hy, inks.ink, { ...inks, paper: "transparent" }, { align: "center" });
   // Beside small rows only the one that is cut has room for its number.
-  if (upright) for (const { at, carried } of cuts) if (u >= 13 || at === row) paintWord(ctx, Math.abs(carried) < SAME * high ? "0" : local((carried / by * (1 + 1e-12)).toFixed(digits)), box.x + box.w, P(at + 0.5), inks.ink, inks, { align: "right" });
+  if (upright) for (const { at, carried } of cuts) if (u >= 13 || at === row) paintWord(ctx, Math.abs(carried) < SAME * high ? "0" : local(halvesUp(carried / by).toFixed(digits)), box.x + box.w, P(at + 0.5), inks.ink, inks, { align: "right" });
   if (!page.elastic.answer) paintWord(ctx, page.elastic.why ? t("noAnswer", { why: page.elastic.why }) : t("solving"), upright ? box.x : view.x0, upright ? P(first) + 16 : box.y + box.h + 14, inks.elastic, inks);
 }
 
@@ -106,13 +106,6 @@ function whereCard(page) {
 
 // --------------------------------------------------------------------------------------- mode
 
-/** Tell what the cell under a pointer bears along the load, beside it and beside the row that is cut. */
-function point(page, event) {
-  const cell = page.view.cellAt?.(event.offsetX, event.offsetY) ?? null, k = cell ? page.run.lattice.key(cell) : -1, told = page.run.kinds[k] >= 0;
-  page.pointed = told ? `(${cell.join(", ")}): ${linesAt(page, bothOf(page, "along"), k).slice(0, 2).join(", ")}` : "";
-  page.tip(told ? cell : null, event, told ? linesAt(page, bothOf(page, "along"), k).slice(0, 2) : []);
-  page.later();
-}
 /** The row under a pointer, and whether that is near the cut. */
 function under(page, { offsetX, offsetY }) {
   const { view } = page, x = loadAxis(page.scene).axis ? (view.y0 - offsetY) / view.u : (offsetX - view.x0) / view.u;
@@ -147,8 +140,8 @@ MODES.push({
     if (cuts.length) paintBars(page, view, cuts, upright ? { x: w - side + 20, w: side - 48, y: 0, h } : { x: 0, w, y: h - side + 24, h: side - 44 }, upright);
     const kept = cuts.every(({ carried, needed }) => Number.isNaN(needed) || Math.abs(carried - needed) <= 1e-9 * Math.abs(needed));
     const [cut, say, where] = page.cutCards, read = cuts.find(({ at }) => at === rowOf(page));
-    if (read) page.parts.cap.textContent = page.told || `${t("rowOf", { n: read.at })}: ${t("theRule")} ${inOneUnit(read.carried, read)}${page.ruleAlone ? "" : `, ${t("elastic")} ${inOneUnit(read.elastic, read)}`}${page.pointed ? ` · ${page.pointed}` : ""}`;
-    say.replaceChildren(make("p", { textContent: t(kept ? "isBalanced" : "noBalance") })); say.hidden = asks(page);
+    if (read) page.parts.cap.textContent = page.told || `${t("rowOf", { n: read.at })}: ${t("theRule")} ${inOneUnit(read.carried, read)}${page.ruleAlone ? "" : `, ${t("elastic")} ${inOneUnit(read.elastic, read)}`}${page.run.kinds[page.pointed] >= 0 ? ` · ${readingAt(page, both, page.pointed)}` : ""}`;
+    say.replaceChildren(make("p", { textContent: t(kept ? "isBalanced" : "noBalance") })); say.hidden = Boolean(page.lesson) && (page.lesson.step !== "try" || asks(page));   // it would answer what is asked
     cut.replaceChildren(...cutCard(page, cuts));
     if (!page.playing) where.replaceChildren(...whereCard(page));
   },
@@ -156,12 +149,12 @@ MODES.push({
     const { at, near } = under(page, event);
     if (!near && event.pointerType !== "touch" && page.view.cellAt(event.offsetX, event.offsetY)) return false;   // a cell is read
     page.hold = { cut: true };
-    point(page, event);
+    page.pointed = cellUnder(page, event, page.view, "along");
     moveTo(page, at);
     return true;
   },
   move(page, event) {
-    point(page, event);
+    page.pointed = cellUnder(page, event, page.view, "along");
     if (page.hold?.cut && event.buttons) moveTo(page, under(page, event).at);
     return true;
   },

@@ -137,15 +137,19 @@ function numbersCard(page, both, k) {
   }
   return lines.map((text) => make("p", { textContent: text }));
 }
-export const linesAt = ({ t }, { rule, elastic, unit }, k) => [`${t("theRule")} ${quantity(rule[k], unit)}`, ...(elastic ? [`${t("elastic")} ${quantity(elastic[k], unit)}`, `${t("less")} ${quantity(rule[k] - elastic[k], unit)}`] : [])];
+const linesAt = ({ t }, { rule, elastic, unit }, k) => [`${t("theRule")} ${quantity(rule[k], unit)}`, ...(elastic ? [`${t("elastic")} ${quantity(elastic[k], unit)}`, `${t("less")} ${quantity(rule[k] - elastic[k], unit)}`] : [])];
 
-function hover(page, event, view) {
-  const cell = view?.cellAt(event.offsetX, event.offsetY), { lattice: L, kinds } = page.run, k = cell ? L.key(cell) : -1;
-  page.twin.at = k >= 0 && kinds[k] >= 0 ? k : -1;
+/** Both answers in a cell, for a caption. */
+export const readingAt = (page, both, k) => `(${page.run.lattice.cell(k).join(", ")}): ${linesAt(page, both, k).slice(0, 2).join(", ")}`;
+/** The key of the body's cell under a pointer, or -1; a tip tells both answers in it. */
+export function cellUnder(page, event, view, show) {
+  const cell = view?.cellAt?.(event.offsetX, event.offsetY), { lattice: L, kinds } = page.run, k = cell ? L.key(cell) : -1, inside = kinds[k] >= 0;
   event.target.parentElement.append(page.parts.tip);
-  page.tip(page.twin.at < 0 ? null : cell, event, page.twin.at < 0 ? [] : linesAt(page, bothOf(page), k));
+  page.tip(inside ? cell : null, event, inside ? linesAt(page, bothOf(page, show), k) : []);
   page.later();
+  return inside ? k : -1;
 }
+const hover = (page, event, view) => { page.twin.at = cellUnder(page, event, view); };
 
 MODES.push({
   name: "twin", letter: "r",
@@ -214,7 +218,7 @@ MODES.push({
     twin.numbers.replaceChildren(...numbersCard(page, both, read)); twin.numbers.hidden = !twin.numbers.childElementCount;
     twin.card.hidden = !two.ruler;
     if (two.ruler && !page.playing) twin.profile.replaceChildren(...rulerCard(page, both));
-    page.parts.cap.textContent = page.told || (two.ruler ? page.ruled : page.run.kinds[read] >= 0 ? `(${page.run.lattice.cell(read).join(", ")}): ${linesAt(page, both, read).slice(0, 2).join(", ")}` : "");
+    page.parts.cap.textContent = page.told || (two.ruler ? page.ruled : page.run.kinds[read] >= 0 ? readingAt(page, both, read) : "");
   },
   press(page, event) {
     if (!settings(page).ruler) return false;

@@ -22,13 +22,15 @@ export const say = (language) => {
 
 // ------------------------------------------------------------------------------------ numbers
 
+/** What rounding left just below a half goes up. */
+export const halvesUp = (x) => x * (1 + 1e-12);
 /** A number with so many significant digits, as Python's format code "g" writes it. */
 export function general(x, digits) {
   if (x === 0) return "0";
-  const [mantissa, exponent] = x.toExponential(digits - 1).split("e"), e = Number(exponent);
+  const [mantissa, exponent] = halvesUp(x).toExponential(digits - 1).split("e"), e = Number(exponent);
   const plain = (text) => (text.includes(".") ? text.replace(/\.?0+$/, "") : text);
   if (e < -4 || e >= digits) return local(`${plain(mantissa)}e${e < 0 ? "-" : "+"}${String(Math.abs(e)).padStart(2, "0")}`);
-  return local(plain((x * (1 + 1e-12)).toFixed(Math.max(0, digits - 1 - e))));   // halves go up, whatever rounding left of them
+  return local(plain(halvesUp(x).toFixed(Math.max(0, digits - 1 - e))));
 }
 
 const PREFIXES = [[1e9, "G"], [1e6, "M"], [1e3, "k"], [1, ""], [1e-3, "m"], [1e-6, "µ"], [1e-9, "n"], [1e-12, "p"]];

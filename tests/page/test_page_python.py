@@ -313,15 +313,6 @@ class Fickle(MaterialAgent):
         return [row._replace(share=left * row.share) for row in super().emissions(load)]
 
 
-def test_a_models_own_numbers_and_seed_are_those_with_which_its_page_begins(opened, tmp_path):
-    model = LoadModel(SCENES["sides"], material_agent=Fickle, part=0.8, rng=7)
-    page = opened(kaju.export_page(model, tmp_path / "page.html", python=True))
-    found, last = runs(page, page.js("page.studio.code")), model.again(model.scene).run().last
-    assert found["taken"] == pytest.approx(last.ledger.taken, rel=1e-12)
-    asked = runs(page, CLASS + "def take(self, load): self.cell.neighborhood.agents")
-    assert "cell.neighborhood.agents: is not in the page" in asked["error"]
-
-
 def by_column(agents):
     drawn = agents[0].random.sample(agents, len(agents))
     agents[0].random.shuffle(drawn)
@@ -335,18 +326,19 @@ class Stopped(LoadModel):
 
 
 def test_a_page_that_runs_another_model_than_was_recorded_says_so(opened, tmp_path):
-    for order in (None, lambda waiting: waiting[:1]):
-        model = Stopped(SCENES["sides"], material_agent=Fickle, order=order, rng=7)
-        page = opened(kaju.export_page(model, tmp_path / "page.html", python=True))
-        runs(page, page.js("page.studio.code"))
-        told = page.js("page.studio.score()")
-        assert f"3 generations and {model.result().last.ledger.taken:.4g} N taken: the page" in told
-        code = page.js("page.studio.code") + "\n"  # another code than that of the record
-        runs(page, code + "def mine(waiting): print(waiting[0].random.sample(range(99), 3))\n")
-        assert page.js("page.studio.printed").startswith(f"{Random(7).sample(range(99), 3)}\n")
+    model = Stopped(SCENES["sides"], material_agent=Fickle, rng=7)
+    page = opened(kaju.export_page(model, tmp_path / "page.html", python=True))
+    runs(page, page.js("page.studio.code"))
+    told = page.js("page.studio.score()")
+    assert f"3 generations and {model.result().last.ledger.taken:.4g} N taken: the page" in told
+    code = page.js("page.studio.code") + "\n"  # another code than that of the record
+    runs(page, code + "def mine(waiting): print(waiting[0].random.sample(range(99), 3))\n")
+    assert page.js("page.studio.printed").startswith(f"{Random(7).sample(range(99), 3)}\n")
 
 
-def test_an_order_of_a_model_is_that_of_its_page_and_of_what_is_saved(opened, tmp_path):
+def test_a_models_order_numbers_and_seed_are_those_of_its_page_and_of_what_is_saved(
+    opened, tmp_path
+):
     model = LoadModel(SCENES["sides"], material_agent=Fickle, order=by_column, part=0.8, rng=7)
     page = opened(kaju.export_page(model, tmp_path / "page.html", python=True))
     with page.tab.expect_download() as saved:
@@ -357,14 +349,19 @@ def test_an_order_of_a_model_is_that_of_its_page_and_of_what_is_saved(opened, tm
     assert (found["taken"], found["generations"]) == pytest.approx(
         (last.ledger.taken, last.generations), rel=1e-12
     )
+    asked = runs(page, CLASS + "def take(self, load): self.cell.neighborhood.agents")
+    assert "cell.neighborhood.agents: is not in the page" in asked["error"]
     with pytest.raises(kaju.KajuError, match="python: should be a valid boolean"):
         kaju.export_page(model, tmp_path / "page.html", python=Fickle)
 
 
-def test_a_class_whose_source_is_not_at_hand_leaves_code_that_python_reads():
-    model = LoadModel(SCENES["sides"], material_agent=type("Mine", (MaterialAgent,), {}))
-    told = header_of(packed_page(model, python=True))
-    assert ast.parse(told["python"]["code"]).body == []
+def test_what_has_no_source_at_hand_leaves_code_that_python_reads():
+    for own in (
+        {"material_agent": type("Mine", (MaterialAgent,), {})},
+        {"order": lambda waiting: waiting[:1]},
+    ):
+        told = header_of(packed_page(LoadModel(SCENES["sides"], **own), python=True))
+        assert ast.parse(told["python"]["code"]).body == []
 
 
 def test_the_timeline_of_many_stages_keeps_to_the_picture_beside_the_editor(shown):

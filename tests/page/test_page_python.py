@@ -149,6 +149,7 @@ MISTAKES = [  # what comes before, what is written, the line, and words of the s
     (TAKE, "Load(1, 2.0)", 7, "`Load` ist nicht bekannt; schreibe zuerst `from kaju import Load`"),
     (TAKE, "math.sqrt(2)", 7, "`math` ist nicht bekannt"),
     (TAKE, "1 / 0", 7, "Division durch null"),
+    (TAKE, "self.cell.get_neighborhood(2)", 7, "Seite nicht; self.model.agent_at(place) gibt"),
     (TAKE, "while True: pass", 7, "eine Schleife ohne Ende?"),
     (TAKE, "self.kept = 'much'", 7, "hat 'much' N behalten"),
     (TAKE, "self.kept += '1'", 7, KIND),
@@ -349,10 +350,29 @@ def test_a_models_order_numbers_and_seed_are_those_of_its_page_and_of_what_is_sa
     assert (found["taken"], found["generations"]) == pytest.approx(
         (last.ledger.taken, last.generations), rel=1e-12
     )
-    asked = runs(page, CLASS + "def take(self, load): self.cell.neighborhood.agents")
-    assert "cell.neighborhood.agents: is not in the page" in asked["error"]
     with pytest.raises(kaju.KajuError, match="python: should be a valid boolean"):
         kaju.export_page(model, tmp_path / "page.html", python=Fickle)
+
+
+LOOKS = (
+    CLASS
+    + """def pass_on(self, load):
+        super().pass_on(load)
+        if self.spawn_step == self.model.generation == 3:
+            near = [(agent.index, round(agent.kept, 9)) for agent in self.cell.neighborhood.agents]
+            places = [cell.coordinate for cell in self.cell.neighborhood]
+            print(near, places, self.cell.agents[0].index)
+"""
+)
+
+
+@pytest.mark.parametrize("name", ["sides", "hexagons", "cubes"])
+def test_agents_of_a_page_see_the_same_neighbours_in_the_same_order(opened, pages, capsys, name):
+    in_kaju(LOOKS, SCENES[name])
+    told = capsys.readouterr().out
+    page = opened(pages[name])
+    assert runs(page, LOOKS)["agents"] > len(told.splitlines()) > 2
+    assert page.js("page.studio.printed") == told
 
 
 def test_what_has_no_source_at_hand_leaves_code_that_python_reads():

@@ -57,6 +57,12 @@ def test_an_order_changes_who_acts_when_and_not_how_much_in_all():
     assert lowest.ledger.taken == pytest.approx(once.ledger.taken, rel=1e-12)
 
 
+def test_who_looks_at_cracks_of_earlier_steps_need_not_act_in_an_order():
+    cracks = example("own_agents/neighbours.py")["cracks"]
+    assert [sum(map(bool, cracks(left))) for left in (1.0, 0.5, 0.2)] == [1, 6, 8]
+    assert cracks(0.2, order=lambda waiting: waiting[::-1]) == cracks(0.2)
+
+
 def test_a_diamond_has_two_neighbours_ahead():
     result = example("own_agents/lattice_in_the_plane.py")["run"]()
     assert len(result.last.cells) == 31

@@ -79,18 +79,50 @@ class Random(Twister):
 class Elsewhere:
     """What kaju has and the page has not: it may be imported, not used."""
 
-    def __init__(self, name):
-        self.__dict__["name"] = name
+    def __init__(self, name, cure="run this class in Python outside of it"):
+        self.__dict__.update(name=name, cure=cure)
 
     def __call__(self, *given, **named):
-        raise KajuError(f"{self.name}: is not in the page; run this class in Python outside of it")
+        raise KajuError(f"{self.name}: is not in the page; {self.cure}")
 
     def __getattr__(self, what):
-        raise KajuError(f"{self.name}.{what}: is not in the page; run this class in Python outside of it")
+        raise KajuError(f"{self.name}.{what}: is not in the page; {self.cure}")
+
+class Beside(list):
+    """The cells beside a cell, arm by arm, and who is awake in them."""
+
+    agents = property(lambda self: iter([agent for cell in self for agent in cell.agents]))
+
+class Cell:
+    """A cell of the body's array, or one beside it."""
+
+    get_neighborhood = Elsewhere("cell.get_neighborhood", "ask self.model.agent_at(place) of each place")
+    near = None
+
+    def __init__(self, space, place, inside):
+        self.space, self.coordinate, self.inside = space, place, inside
+
+    @property
+    def agents(self):
+        engine, at = self.space.engine, self.coordinate
+        awake = engine.agents if self.inside else engine.boundaries
+        return [awake[at]] if at in awake else []
+
+    @property
+    def neighborhood(self):
+        if self.near is None:
+            table, at, cell = self.space.lattice, self.coordinate, self.space.cell
+            steps = self.space.engine.steps[at[1] % table.forms].values()
+            near = [tuple(map(add, at, step)) for step in steps]
+            held = [n for n in near if all([0 <= i < end for i, end in zip(n, table.shape)])]
+            self.near = Beside([cell(place, True) for place in held])
+        return self.near
 
 def space_of(lattice, random):
-    lacks = {name: Elsewhere(f"cell.{name}") for name in ("agents", "neighborhood", "get_neighborhood")}
-    return Table({"cell": lambda place, inside: Table({"coordinate": place} | lacks)})
+    cells = {}
+    cell = lambda at, inside: cells.get((at, inside)) or cells.setdefault((at, inside), Cell(space, at, inside))
+    space = Table({"lattice": lattice, "cell": cell})
+    return space
 
 class FixedAgent:
     """What Mesa gives an agent."""
@@ -142,7 +174,7 @@ class PageEngine(AgentEngine):
 
     def __init__(self, model, agent, walls):
         super().__init__(model, model.transfer, agent, walls)
-        model.engine, self.back, self.told = self, [], 0
+        model.engine, self.space.engine, self.back, self.told = self, self, [], 0
         self._clear()
         for cell, state, size in model.loads:
             place, sense = tuple(cell), SENSES[state // self.lattice.directions]

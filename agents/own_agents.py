@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from difflib import get_close_matches
 from inspect import signature, unwrap
 from itertools import islice, takewhile
@@ -79,19 +79,30 @@ def _names_in(of: Any) -> set[Any]:
 
 
 def _check_names(name: str, agent: type, base: type, brought: dict[str, Any]) -> None:
-    """Refuse names that the base uses itself, and Parameters and States that are not kept."""
-    used = every_name(base)
+    """Refuse names that the base uses itself, and Parameters and States that get lost."""
+    used, every = every_name(base), ((n, one) for o in agent.__mro__ for n, one in vars(o).items())
+    kinds = {key: type(one).__name__ for key, one in every if isinstance(one, Declaration)}
     for key, value in brought.items():
         plain = not hasattr(value, "__get__") and hasattr(getattr(base, key, None), "__get__")
         hides = key in used if isinstance(value, Declaration) else plain
         told = f"{key}: {base.__name__} uses this name; take another in {agent.__name__}"
         require(not hides, told)
+        kind, ends = kinds.get(key), "" if isinstance(value, bool) else ", low, high"
+        cure = f"write {key} = kaju.{kind}({brief(value)}{ends * (kind == 'Parameter')})"
+        told = f"{key}: {agent.__name__} makes it {brief(value)}, but its base makes it a {kind};"
+        require(not kind or isinstance(value, Declaration), f"{told} {cure}, or take another name")
     declares = declared([agent], Declaration if base is FaceAgent else State)
     for key, one in declares.items() if base is not MaterialAgent else ():
         state = "a State is kept of material agents only" * isinstance(one, State)
         told = f"{name}: {state or 'ElasticModel takes no Parameter'}; let {agent.__name__} have"
         cure = f"a plain attribute, {key} = {one.default!r}, seen in model.agents"
         raise ParameterError(f"{told} {cure}")
+
+
+def _near(name: str, known: Iterable[str], cutoff: float) -> list[str]:
+    """Return the known name that is spelt much like `name`, or with the same letters, if any."""
+    mixed = [one for one in known if one[0] == name[0] and sorted(one) == sorted(name)]
+    return get_close_matches(name, known, n=1, cutoff=cutoff) or mixed
 
 
 def _check_hooks(whose: str, agent: type, base: type, brought: dict[str, Any]) -> None:
@@ -101,7 +112,7 @@ def _check_hooks(whose: str, agent: type, base: type, brought: dict[str, Any]) -
     never = {"step", "advance"} - {*HOOKS[base]}  # Mesa's; kaju calls steps of cells only
     for key in sorted(own - (set(dir(base)) - never)):
         bare = key.lower().removeprefix("on_").removeprefix("do_").removesuffix("_agent")
-        near = get_close_matches(MEANT.get(bare, bare), HOOKS[base], n=1, cutoff=0.81)  # no intake
+        near = _near(MEANT.get(bare, bare), HOOKS[base], 0.81)  # no intake
         lost = usual and "load" in " ".join(signature(brought[key]).parameters)
         meant = [f"did you mean {one!r}?" for one in near]
         meant += [f"should it be a {one.__name__}?" for one in HOOKS if key in HOOKS[one]]
@@ -154,18 +165,21 @@ class OwnAgents:
             self.names[type(agent)] = sorted(n for n in known if n[0] != "_")
             for name in [name for name in vars(agent) if callable(getattr(type(agent), name, 0))]:
                 raise self.wrong(agent, name, "has set a method of this name; take another name")
-            if isinstance(agent, MaterialAgent):
-                self.check_books(agent)
+            self.check_books(agent)
 
-    def check_books(self, agent: MaterialAgent) -> None:
+    def check_books(self, agent: PlacedAgent | FaceAgent) -> None:
         """Refuse an agent whose books are not what results are made of."""
+        for name in [name for name, one in vars(agent).items() if isinstance(one, Declaration)]:
+            told = "sets a State or Parameter in a method, where it is none; declare it on a class"
+            raise self.wrong(agent, name, told)
         books: dict[str, type] = dict.fromkeys(("taken", "pulled", "passed", "squeezed"), dict)
-        for name, kind in {"material": Material, "shares": Shares, **books}.items():
+        books |= {"material": Material, "shares": Shares}
+        for name, kind in books.items() if isinstance(agent, MaterialAgent) else ():
             if not isinstance(getattr(agent, name), kind):
                 raise self.wrong(agent, name, f"has become {brief(getattr(agent, name))}")
         known = self.names.get(type(agent)) or vars(agent)
         for name in sorted(n for n in {*vars(agent)} - {*known, *dir(type(agent))} if n[0] != "_"):
-            near = get_close_matches(name, known, n=1, cutoff=0.85)
+            near = _near(name, known, 0.85)
             unset = near and near[0] in {*declared([type(agent)], State)} - {*vars(agent)}
             if near and (unset or not name.startswith(near[0])):
                 told = f"has this attribute; did you mean {near[0]!r}? If not, begin it in __init__"

@@ -33,6 +33,12 @@ def each(change):
     return material(emissions=lambda self, load: tuple(change(*e) for e in usual(self, load)))
 
 
+def over(one, value):
+    """Return agents that put a plain value over what their base declares."""
+    base = type("Base", (MaterialAgent,), {"worn": one})
+    return {"material_agent": type("Mine", (base,), {"worn": value})}
+
+
 def passes(pass_on):
     return material(pass_on=pass_on)
 
@@ -85,6 +91,10 @@ REFUSED = {
     "emission of three": each(lambda a, d, s, t: (a, d, s)),
     "attribute misspelt": after_take(lambda self, load: setattr(self, "squezed", 1.0)),
     "state misspelt": material(broke=State(0), take=lambda self, load: setattr(self, "broken", 1)),
+    "states mixed up": material(worn=State(0), take=lambda self, load: setattr(self, "wron", 1)),
+    "state set": after_take(lambda self, load: setattr(self, "worn", State(0.0))),
+    "state lost": over(State(0.0), 0.5),
+    "parameter lost": over(kaju.Parameter(0.1, 0, 1), 0.5),
     "emissions None": material(emissions=lambda self, load: None),
     "emissions one row": material(emissions=lambda self, load: AHEAD),
     "emissions without end": material(emissions=lambda self, load: repeat(AHEAD)),
@@ -161,11 +171,16 @@ def test_a_method_that_something_calls_or_that_takes_no_load_is_let_alone(more):
     assert "at rest" in run(material(**{"answer": lambda self, load: None} | more)).outcome
 
 
-def test_what_is_not_kept_is_told_of_that_kind_alone():
-    wet, relax = "only; let Wall have a plain attribute, wet = 0, seen", "^[^;]*no Parameter;"
-    for kind, told in (("wall remembers", wet), ("face Parameter", relax)):
-        with pytest.raises(KajuError, match=told):
-            run(REFUSED[kind])
+@pytest.mark.parametrize(("kind", "told"), [
+    ("wall remembers", "only; let Wall have a plain attribute, wet = 0, seen"),
+    ("face Parameter", "^[^;]*no Parameter;"),
+    ("state lost", r"^worn: Mine makes it 0.5, .* a State; write worn = kaju.State\(0.5\), or"),
+    ("parameter lost", r"a Parameter; write worn = kaju.Parameter\(0.5, low, high\), or"),
+    ("state set", "^worn: .*; declare it on a class"),
+])  # fmt: skip
+def test_what_is_not_kept_is_told_of_that_kind_alone(kind, told):
+    with pytest.raises(KajuError, match=told):
+        run(REFUSED[kind])
 
 
 def forgets(agent, load):

@@ -17,14 +17,16 @@ from .face_agent import FaceAgent
 from .material_agent import MaterialAgent, PlacedAgent
 from .materials import Material
 from .parameter import Declaration, State, declared, is_number
+from .rules import PrescribedRule
 from .shares import Load, Shares
 
 HOOKS: dict[type, tuple[str, ...]] = {
     MaterialAgent: ("take", "emissions", "pass_on", "shortening", "step"),
     BoundaryAgent: ("give_back", "turn"),
     FaceAgent: ("due", "take", "pass_on"),
+    PrescribedRule: ("shares",),
 }
-"""What a subclass may override, by its base."""
+"""What a subclass may override, by its base; of a model its step."""
 MEANT = {"emit": "emissions", "receive": "take"} | dict.fromkeys(("go", "tick", "advance"), "step")
 """What other frameworks call, and the hook that does the same."""
 MOST_EMISSIONS = 1_000
@@ -58,21 +60,19 @@ def check_class(name: str, agent: object, base: type) -> None:
             cure = f"it goes into {agent.goes_into.format(agent.__name__)}"
         needed = f"{name}: a subclass of {base.__name__} is needed, got {brief(agent)}"
         raise ParameterError(f"{needed}; {cure}")
-    own = [*takewhile(lambda one: one not in (base, *BOUNDARIES.values()), agent.__mro__)]
-    brought = {key: value for one in reversed(own) for key, value in vars(one).items()}
+    brought = check_methods(f"{name}: {agent.__name__}", agent, base, *BOUNDARIES.values())
     _check_hooks(f"{name}: {agent.__name__}", agent, base, brought)
     _check_names(name, agent, base, brought)
 
 
 def every_name(base: type) -> set[str]:
     """Return the names of a class's attributes, and all that its `__init__`s use."""
-    begins = [unwrap(vars(one).get("__init__", one)) for one in base.__mro__]
-    return {*dir(base)}.union(*map(_names_in, begins))
+    return {*dir(base)}.union(*(_names_in(vars(one).get("__init__")) for one in base.__mro__))
 
 
 def _names_in(of: Any) -> set[Any]:
     """Return the names and texts in a function or a property, and in functions that it makes."""
-    code = getattr(getattr(of, "fget", of), "__code__", of)
+    code = getattr(unwrap(getattr(of, "fget", getattr(of, "func", of))), "__code__", of)
     if isinstance(code, CodeType):
         return {*code.co_names}.union(*map(_names_in, code.co_consts))
     return {code} if isinstance(code, str) else set()
@@ -105,21 +105,31 @@ def _near(name: str, known: Iterable[str], cutoff: float) -> list[str]:
     return get_close_matches(name, known, n=1, cutoff=cutoff) or mixed
 
 
-def _check_hooks(whose: str, agent: type, base: type, brought: dict[str, Any]) -> None:
-    """Refuse methods that nobody calls, hooks with other arguments, steps that take none."""
-    own = {k for k, one in brought.items() if isinstance(one, FunctionType) and k[0] != "_"}
-    usual = own.isdisjoint(HOOKS[base])  # then a method that takes loads was meant to be one
-    never = {"step", "advance"} - {*HOOKS[base]}  # Mesa's; kaju calls steps of cells only
-    for key in sorted(own - (set(dir(base)) - never)):
+def check_methods(whose: str, kind: type, *bases: type) -> dict[str, Any]:
+    """Return what a class has beyond bases of kaju's; refuse methods that nobody calls."""
+    own = [*takewhile(lambda one: one not in bases, kind.__mro__)]
+    brought = {key: value for one in reversed(own) for key, value in vars(one).items()}
+    words, hooks = (MEANT, HOOKS[bases[0]]) if bases[0] in HOOKS else ({}, ("step",))
+    methods = {k for k, one in brought.items() if isinstance(one, FunctionType) and k[0] != "_"}
+    usual = methods.isdisjoint(hooks)  # then a method that takes loads was meant to be one
+    never = {"step", "advance"} - {*hooks}  # Mesa's; kaju calls steps of cells only
+    for key in sorted(methods - (set(dir(bases[0])) - never)):
         bare = key.lower().removeprefix("on_").removeprefix("do_").removesuffix("_agent")
-        near = _near(MEANT.get(bare, bare), HOOKS[base], 0.81)  # no intake
         lost = usual and "load" in " ".join(signature(brought[key]).parameters)
+        near = _near(words.get(bare, bare), hooks, 0.81) if words or usual else []  # no intake
         meant = [f"did you mean {one!r}?" for one in near]
-        meant += [f"should it be a {one.__name__}?" for one in HOOKS if key in HOOKS[one]]
-        meant += [f"it calls {', '.join(HOOKS[base])}."] * lost
+        if words:  # agents may call any method of a model
+            meant += [f"should it be a {one.__name__}?" for one in HOOKS if key in HOOKS[one]]
+            meant += [f"it calls {', '.join(hooks)}."] * lost
         called = any(key in _names_in(one) for name, one in brought.items() if name != key)
         told = f"{whose} has a method {key!r}, which kaju never calls; {''.join(meant[:1])} If the"
         require(called or not meant, f"{told} name is intended, begin it with _")
+    return brought
+
+
+def _check_hooks(whose: str, agent: type, base: type, brought: dict[str, Any]) -> None:
+    """Refuse hooks with other arguments, and steps that take none."""
+    own = {key for key, one in brought.items() if isinstance(one, FunctionType)}
     for hook in own & {*HOOKS[base]} | {"__init__"}:
         function, start = getattr(agent, hook), tuple(signature(getattr(base, hook)).parameters)
         told = f"{whose}.{hook} takes {signature(function)}, but a model calls it with"

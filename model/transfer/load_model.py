@@ -13,9 +13,9 @@ from typing import Any, Literal
 from kaju._mesa import AgentSet, Model
 from kaju.agents.boundary_agent import BoundaryAgent
 from kaju.agents.material_agent import MaterialAgent
-from kaju.agents.own_agents import every_name, own_classes
+from kaju.agents.own_agents import check_methods, every_name, own_classes
 from kaju.agents.parameter import Parameter, State, declared
-from kaju.agents.rules import ShareRule
+from kaju.agents.rules import PrescribedRule, ShareRule
 from kaju.agents.shares import Load
 from kaju.errors import ParameterError, brief, require, unknown
 from kaju.model.scene import Scene, scene_needed
@@ -125,6 +125,8 @@ class LoadModel(SteppedModel):
         kwargs = numbers | kwargs
         scene_needed(scene)
         classes = own_classes(material_agent, boundary_agents)
+        if isinstance(shares_by := rule or scene.rule, PrescribedRule):
+            check_methods(f"rule: {type(shares_by).__name__}", type(shares_by), PrescribedRule)
         scene, self.parameters = keywords_into(scene, classes, kwargs, LoadModel, rule is not None)
         """Values of the parameters that your agents declare, by name."""
         usual = material_agent is MaterialAgent

@@ -55,6 +55,11 @@ def test_a_step_in_which_no_agent_acts_is_refused_at_once():
     with pytest.raises(AgentError, match=r"Mine.step lets no agent act; call super\(\).step"):
         idle(plate()).run()
     assert late(plate()).run().last.outcome.startswith("at rest")
+    for name in ("setp", "on_step"):
+        with pytest.raises(ParameterError, match=rf"Mine has a method '{name}', .* mean 'step'\?"):
+            type("Mine", (LoadModel,), {name: LoadModel.step})(plate())
+    helps = {"on_step": LoadModel.step, "step": lambda model: model.on_step(), "go": LoadModel.run}
+    assert type("Mine", (LoadModel,), helps)(plate()).go().last.outcome.startswith("at rest")
 
 
 def test_a_step_ends_the_run_by_setting_running_to_false():

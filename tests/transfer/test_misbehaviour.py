@@ -129,6 +129,7 @@ REFUSED = {
     "takes a number": material(take=lambda self, load: MaterialAgent.take(self, load.magnitude)),
     "gives back inside": material(give_back=lambda self, load, arm: load),
     "rule takes none": {"rule": type("Mine", (kaju.PrescribedRule,), {"shares": lambda m: 0})()},
+    "rule misspelt": {"rule": type("Mine", (kaju.PrescribedRule,), {"share": lambda *of: 0})()},
     "order chooses nobody": {"order": lambda agents: []},
     "order chooses others": {"order": lambda agents: [object()]},
     "order without end": {"order": lambda agents: repeat(agents[0])},

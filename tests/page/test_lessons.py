@@ -33,6 +33,9 @@ def test_what_a_lesson_claims_is_seen(name):
     assert len(claims) > 10
     faults = {claim.text: why for claim in claims if (why := lesson_measures.fault(of, claim))}
     assert faults == {}
+    for number in range(len(of.kinds)):
+        fields = {len(text.questions[number].fields) for text in of.texts.values()}
+        assert fields == {len(lesson_measures.answers(of, number))}
 
 
 def test_a_sentence_that_is_untrue_is_found():
@@ -57,9 +60,7 @@ def test_a_worksheet_is_whole(name):
         assert sum(minutes) == 45
         assert len(text.questions) == len(text.answers) == len(of.kinds)
         assert len(text.presets) == len(of.scenes)
-        for number, question in enumerate(text.questions):
-            assert len(lesson_measures.answers(of, number)) == len(question.fields)
-            assert question.hint
+        assert all(question.hint for question in text.questions)
     steps = [kind["step"] for kind in of.kinds]
     assert list(dict.fromkeys(steps)) == ["predict", "step", "explain", "try"]
     assert len({kind["key"] for kind in of.kinds}) == len(of.kinds)

@@ -189,7 +189,7 @@ def sweep(
         typer.echo("interrupted: what was computed is kept; the same command goes on", err=True)
         raise typer.Exit(130) from None
     failed = table[table["error"] != ""]
-    typer.echo(f"{len(table)} runs, {len(failed)} failed")
+    typer.echo(f"{len(table)} run{'s' * (len(table) != 1)}, {len(failed)} failed")
     # Of many columns those that say how runs differ.
     shown = table if measure or len(table) < 2 else table.loc[:, table.nunique(dropna=False) > 1]
     typer.echo(shown.head(20).to_string(index=False, max_colwidth=60))

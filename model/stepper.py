@@ -53,6 +53,12 @@ class Stepper(ABC, Generic[R]):
         return step_to_end(self, until, self.result, self.progress, progress)
 
 
+def counted(number: int, thing: str) -> str:
+    """Return a number of things: "1 generation", "12 generations", "12 pushes"."""
+    many = "es" if thing.endswith("sh") else "s"
+    return f"{number} {thing}{many * (number != 1)}"
+
+
 def not_balanced(after: str, off: float) -> str:
     """Return how agents ended that lost or made loads: a share of all loads."""
     return (

@@ -16,6 +16,7 @@ from kaju.model.elastic.pair.leaves import LeafCells
 from kaju.model.elastic.solve import spawner_of
 from kaju.model.scene import scene_needed
 from kaju.model.stepped_model import SteppedModel
+from kaju.model.stepper import counted
 from kaju.stepping import Until, step_to_end
 
 if TYPE_CHECKING:
@@ -179,10 +180,10 @@ class SpawningModel(SteppedModel):
         """How the run ended, in words; empty while agents spawn."""
         if not self.spawner.finished:
             return ""
-        result = self.result()
+        result, after = self.result(), f"after {counted(self.generation, 'step')}"
         if result.tolerance_kept != "missed":
-            return f"within the tolerance of {self.tolerance:g} after {self.generation} steps"
-        return f"stopped after {self.generation} steps: {result.caveats[0].partition(': ')[2]}"
+            return f"within the tolerance of {self.tolerance:g} {after}"
+        return f"stopped {after}: {result.caveats[0].partition(': ')[2]}"
 
     def arguments(self) -> tuple[dict[str, Any], dict[str, Any]]:
         """Return the model's plain arguments, and classes and functions of your own."""

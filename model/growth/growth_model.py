@@ -19,7 +19,7 @@ from kaju.model.elastic.equal.staggered import energy_of_cells, strains
 from kaju.model.elastic.moduli import Moduli, equivalent_stress
 from kaju.model.scene import Scene
 from kaju.model.scene.scene import scene_needed
-from kaju.model.stepper import Stepper
+from kaju.model.stepper import Stepper, counted
 
 from .growth_result import GrowthResult
 from .growth_rules import RULES, Felt, GrowthRule, Neighbours
@@ -153,7 +153,7 @@ class GrowthModel(Stepper[GrowthResult]):
         if self.steps >= self.rule.patience and change <= self._at_rest:
             self.outcome = "at rest: no density changes any more"
         elif self.steps == self._most_steps:
-            self.outcome = f"ended after {self.steps} steps, as asked"
+            self.outcome = f"ended after {counted(self.steps, 'step')}, as asked"
         self.running = not self.outcome
         self._feel(change, self._tolerance if self.running else 1e-6)  # the last is tight
 

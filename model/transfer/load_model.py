@@ -217,7 +217,11 @@ class LoadModel(SteppedModel):
     generation = property(attrgetter("engine.generation"), doc="Steps taken in the current stage.")
     stage = property(attrgetter("course.stage"), doc="Current stage of loading, counted from 1.")
     pending = property(attrgetter("engine.pending"), doc="Loads that wait to be taken (N), summed.")
-    outcome = property(attrgetter("course.outcome"), doc="How the stage ended; empty till then.")
+
+    @property
+    def outcome(self) -> str:
+        """How the stage ended, or that a step has stopped it; empty till then."""
+        return self.course.outcome or self.course.interrupted * (not self.running)
 
     def arguments(self) -> tuple[dict[str, Any], dict[str, Any]]:
         """Return the model's plain arguments, and classes and functions of your own."""

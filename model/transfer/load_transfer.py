@@ -11,7 +11,7 @@ from kaju.agents.parameter import is_number
 from kaju.agents.rules import ShareRule
 from kaju.errors import StabilityError, brief, require
 from kaju.model.scene import Scene
-from kaju.model.stepper import Stepper, not_balanced
+from kaju.model.stepper import Stepper, counted, not_balanced
 
 from .array_engine import ArrayEngine
 from .stability import MOST_GROWN, Certificate, certify, not_known
@@ -92,21 +92,22 @@ class LoadTransfer(Stepper[TransferResult]):
         """Return why the current stage is over, in words; empty while loads travel."""
         engine = self.engine
         generation, pending, applied = engine.generation, engine.pending, engine.applied
+        after = f"after {counted(generation, 'generation')}"
         if pending == 0.0 and generation == self._generations_before:
             gamma = self.transfer.rule.threshold
             return f"no load exceeds the threshold of {gamma:g} N: nothing happens"
         if pending == 0.0:
-            return f"at rest after {generation} generations"
+            return f"at rest {after}"
         watched = not (self.certificate.known or self.allow_unstable)
         if not pending <= (1e3 if watched else MOST_GROWN) * applied:  # or NaN
-            told = f"stopped after {generation} generations: the loads have grown to"
+            told = f"stopped {after}: the loads have grown to"
             told += f" {pending / applied:.0e} times the applied ones"
             remedy = "; shares are for each newton taken, not newtons; to watch them grow further,"
             remedy += " set allow_unstable=True (`kaju run --allow-unstable`)"
             return told + remedy if watched else told
         if engine.most_at_one > 30_000:
-            told = f"stopped after {generation} generations: {engine.most_at_one:,} loads wait"
-            told += " at one agent, each of another size;"
+            told = f"stopped {after}: {engine.most_at_one:,} loads wait at one agent, each of"
+            told += " another size;"
             return f"{told} accumulate = true adds up loads that meet"
         if generation - self._generations_before >= self.max_generations:
             return f"stopped after max_generations = {self.max_generations} with loads on their way"
@@ -117,17 +118,22 @@ class LoadTransfer(Stepper[TransferResult]):
         """How the current stage ended, in words; empty while loads travel."""
         return self._stage().outcome if self._end() else ""
 
+    @property
+    def interrupted(self) -> str:
+        """What is said of a stage that has been stopped by now, while loads travel."""
+        return f"interrupted after {counted(self.engine.generation, 'generation')}"
+
     def _stage(self, otherwise: str = "") -> Stage:
         """Return what the current stage has left behind so far, and how it ended, or else."""
         stage: Stage = self.engine.stage(self.stage / self.scene.stages)
         outcome, imbalance = self._end() or otherwise, stage.ledger.imbalance
         if self.engine.pending == 0.0 and not imbalance <= 1e-9:  # or NaN
-            outcome = not_balanced(f"{self.engine.generation} generations", imbalance)
+            outcome = not_balanced(counted(self.engine.generation, "generation"), imbalance)
         return replace(stage, outcome=outcome)
 
     def result(self) -> TransferResult:
         """Return what has been computed so far."""
-        last = self._stage(f"interrupted after {self.engine.generation} generations")
+        last = self._stage(self.interrupted)
         return TransferResult(
             scene=self.scene,
             stages=(*self.finished, last),

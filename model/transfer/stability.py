@@ -17,6 +17,7 @@ from math import floor, inf, log
 
 from kaju.arrays import first_largest
 from kaju.model.scene import Scene
+from kaju.model.stepper import counted
 
 from .array_engine import ArrayEngine
 from .transfer import Transfer, split_force
@@ -33,7 +34,7 @@ class Certificate:
     upper: float
     spectral_radius: float | None  # growth per generation of loads that are all added up, if known
     largest_share: float  # of a load that is passed on in one piece
-    generations: int | None  # after which every load has ended, at the latest, if known
+    generations: int | None  # after which every load has ended, if known; not with an order
     stable: bool  # whether the run is sure to end
     verdict: str  # the same in words, with a remedy if the run is unstable
     known: bool = True  # not of agents of your own, nor where a trial has told nothing
@@ -92,17 +93,17 @@ def certify(transfer: Transfer, ordered: bool = False) -> Certificate:
         known_to_end = generations is not None or (grown if transfer.rule.accumulate else surely)
         verdict = f"{growth}: {remedy}"
         if generations is not None:
+            after = "" if ordered else f" after {counted(generations, 'generation')}"
             verdict = (
-                f"the loads come to rest after {generations} generations, because loads up to the "
-                f"threshold end; with a much lower threshold {growth}"
+                f"the loads come to rest{after}, because loads up to the threshold end; with a "
+                f"much lower threshold {growth}"
             )
         elif not known_to_end:
             verdict = f"{growth}, unless the threshold ends them: only the run can tell"
     elif generations == 0:
         verdict = "no load exceeds the threshold: nothing happens"
     else:
-        unit = "generation" if generations == 1 else "generations"
-        soon = f" after at most {generations} {unit}"
+        soon = f" after at most {counted(generations, 'generation')}"
         soon = "; an order of your own decides how soon" if ordered else soon
         verdict = f"every load ends{soon}"
         if upper > 1.0 and generations * log(upper) > log(MOST_GROWN):
@@ -111,10 +112,8 @@ def certify(transfer: Transfer, ordered: bool = False) -> Certificate:
                 f"{100.0 * (upper - 1.0):.3g} % a generation, and a run stops when it is 1e12 "
                 "times the applied loads"
             )
-    stable = generations is not None
-    return Certificate(
-        lower, upper, radius, largest_share, generations, stable, verdict, known_to_end
-    )
+    stable, latest = generations is not None, None if ordered else generations
+    return Certificate(lower, upper, radius, largest_share, latest, stable, verdict, known_to_end)
 
 
 def _tried(transfer: Transfer) -> tuple[int | None, bool]:

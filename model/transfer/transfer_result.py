@@ -17,7 +17,7 @@ from kaju.model.results.cuts import Carrying
 from kaju.model.results.result import BOOKS, BodyResult, Check, Named, idle_rheology, in_columns
 from kaju.model.scene import Scene
 from kaju.model.scene.cell_types import AIR, INSIDE, RIGID, ROLLER
-from kaju.model.stepper import not_balanced
+from kaju.model.stepper import counted, not_balanced
 
 from .deformation import AxialStrain, DisplacementField, axial_strain
 from .stability import Certificate
@@ -173,7 +173,7 @@ class TransferResult(BodyResult):
         off = [stage for stage in self.stages if not stage.ledger.imbalance <= BOOKS]
         if off:
             worst = max(off, key=lambda stage: stage.ledger.imbalance)
-            said = not_balanced(f"{worst.generations} generations", worst.ledger.imbalance)
+            said = not_balanced(counted(worst.generations, "generation"), worst.ledger.imbalance)
             if len(self.stages) > 1:
                 said = f"in {len(off)} of {len(self.stages)} steps, of which the worst {said}"
             found.append(("loads are not accounted for", said))

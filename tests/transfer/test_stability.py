@@ -39,6 +39,7 @@ def test_what_comes_to_rest_by_its_threshold_is_not_refused(accumulate):
     assert certificate.stable
     assert certificate.generations == last.generations
     assert "come to rest after" in certificate.verdict
+    assert "come to rest, because" in LoadModel(scene, order=list).certificate.verdict
     assert last.ledger.pending == 0.0
 
 

@@ -27,7 +27,7 @@ from kaju.model.elastic.relaxation.push_table import PushTable, WaveCertificate,
 from kaju.model.scene import Scene
 from kaju.model.scene.cell_types import AIR
 from kaju.model.stepped_model import SteppedModel
-from kaju.model.stepper import not_balanced
+from kaju.model.stepper import counted, not_balanced
 from kaju.stepping import Order, Until, chosen, step_to_end, takes_objects
 
 EngineName = Literal["auto", "agents", "arrays"]
@@ -234,24 +234,24 @@ class ElasticModel(SteppedModel):
     @property
     def outcome(self) -> str:
         """How the run ended, in words; empty while agents act."""
-        unit = {"wave": "waves", "multilevel": "visits"}.get(self.table.order, "pushes")
-        count = self.state.pushes if unit == "pushes" else self.generation
+        unit = {"wave": "wave", "multilevel": "visit"}.get(self.table.order, "push")
+        after = counted(self.state.pushes if unit == "push" else self.generation, unit)
         if self.at_rest:
             ledger = PushLedger.of(self.state)
             if not elastic_run.books(ledger, self.scene, self.generation).holds:
-                return not_balanced(f"{count} {unit}", ledger.imbalance)
+                return not_balanced(after, ledger.imbalance)
             if self.generation == 0:
                 return f"no load exceeds the threshold of {self.threshold:g} N: nothing happens"
-            return f"at rest after {count} {unit}"
+            return f"at rest after {after}"
         most = 1e12 if self.face_agent is FaceAgent else 1e3  # as for other agents of your own
         if not self._loudest <= most * self._loudest_at_start:  # or it is no number
             return (
-                f"stopped after {count} {unit}: the largest load has grown to "
+                f"stopped after {after}: the largest load has grown to "
                 f"{self._loudest / self._loudest_at_start:.0e} times that of the start"
             )
         if self.engine.idle >= MOST_IDLE:
             return (
-                f"stopped after {count} {unit}: loads above the threshold wait, and no agent has "
+                f"stopped after {after}: loads above the threshold wait, and no agent has "
                 f"taken any for {MOST_IDLE} steps"
             )
         if self.generation >= self.max_steps:
@@ -287,7 +287,7 @@ class ElasticModel(SteppedModel):
     def result(self) -> ElasticRun:
         """Return what has been computed so far."""
         state, agents = self.state, elastic_run.FaceAgents.of(self.state)
-        outcome = self.outcome or f"interrupted after {self.generation} steps"
+        outcome = self.outcome or f"interrupted after {counted(self.generation, 'step')}"
         return ElasticRun(
             result=self._answer(outcome),
             outcome=outcome,

@@ -21,7 +21,7 @@ from kaju.model.results.cuts import Carrying
 from kaju.model.results.result import BALANCE, BodyResult, Check, Curves, idle_rheology
 from kaju.model.results.stored import Column
 from kaju.model.scene import Scene
-from kaju.model.stepper import not_balanced
+from kaju.model.stepper import counted, not_balanced
 
 if TYPE_CHECKING:
     import pandas
@@ -205,7 +205,7 @@ class ElasticRun(BodyResult):
     @property
     def notes(self) -> tuple[str, ...]:
         """What a reader of the figures should know, in words."""
-        lost = not_balanced(f"{len(self.history)} steps", self.ledger.imbalance)
+        lost = not_balanced(counted(len(self.history), "step"), self.ledger.imbalance)
         kept = all(check.holds for check in self.checks())
         return (*([] if kept else [lost]), *idle_rheology(self.scene))
 

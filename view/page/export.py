@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import base64
 import hashlib
-import inspect
 import json
 import re
-import textwrap
 import zlib
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from functools import cache
 from html import escape
 from importlib.resources import files
@@ -252,7 +250,7 @@ def _own_data(model: Any) -> dict[str, Any]:
     parts = list(dict.fromkeys(p if hasattr(p, "__name__") else type(p) for p in chosen))
     if not parts:
         return {}
-    sources = [_source(part) for part in parts]
+    sources = written.sources(parts)
     if getattr(model.order, "__name__", "").isidentifier():  # not of a lambda
         sources.append(f"order = {model.order.__name__}")
     values = getattr(model, "parameters", {})
@@ -267,16 +265,6 @@ def _own_data(model: Any) -> dict[str, Any]:
         ],
     }
     return {"own": own}
-
-
-def _source(part: type | Callable[..., Any]) -> str:
-    """Return the source of a class or function, or why there is none."""
-    if part.__name__ == "<lambda>":  # its lines are those of a call
-        return "# an order that is a lambda is not here: write it as def mine(waiting)"
-    try:
-        return textwrap.dedent(inspect.getsource(part)).rstrip()
-    except (OSError, TypeError):
-        return f"# the source of {part.__name__} is not at hand"
 
 
 def _watched(model: LoadModel) -> tuple[TransferResult, Account]:

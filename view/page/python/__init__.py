@@ -9,11 +9,18 @@ from __future__ import annotations
 
 import ast
 import builtins
+import inspect
 import json
+import math
+import sys
+import textwrap
 import zlib
 from base64 import b64encode
+from collections.abc import Iterable
+from contextlib import suppress
 from functools import cache
 from importlib.resources import files
+from types import FunctionType
 from typing import Any
 
 from kaju.errors import needing
@@ -69,6 +76,56 @@ def header(own: dict[str, Any]) -> dict[str, Any]:
             "licence": _text("ready/licence.txt").strip(),
         }
     }
+
+
+def sources(parts: Iterable[Any]) -> list[str]:
+    """Return the sources of classes and functions, each after those of your own that it names."""
+    lines: dict[str, str] = {}
+    told: dict[str, str] = {}
+
+    def add(part: Any) -> None:
+        name, around = part.__name__, sys.modules.get(part.__module__)
+        if name in told:
+            return
+        told[name] = ""  # it may name itself
+        for other in _unknown(source := _source(part)):
+            of = getattr(around, other, ...)
+            if not isinstance(of, (type, FunctionType)):
+                lines.update(_plain(other, of))
+            elif of.__name__ == other and _is_own(of):
+                add(of)
+        told[name] = told.pop(name) or source  # it stands after them
+
+    for part in parts:
+        add(part)
+    return ["\n".join(lines.values())] * bool(lines) + list(told.values())
+
+
+def _source(part: type | FunctionType) -> str:
+    """Return the source of a class or function, or why there is none."""
+    if part.__name__ in ("<lambda>", "partial"):  # its lines are those of a call, or Python's own
+        return "# an order that is a lambda or a partial is not here: write def mine(waiting)"
+    with suppress(OSError, TypeError, SyntaxError):
+        source = textwrap.dedent(inspect.getsource(part)).rstrip()
+        ast.parse(source)  # within a function a text may stand further left than its class
+        return source
+    return f"# the source of {part.__name__} is not at hand"
+
+
+def _is_own(part: type | FunctionType) -> bool:
+    """Tell whether neither kaju nor Python nor an installed package has brought it."""
+    file = getattr(sys.modules.get(part.__module__), "__file__", None) or ""
+    theirs = part.__module__.partition(".")[0] in ("kaju", *sys.stdlib_module_names)
+    return not theirs and "-packages" not in file
+
+
+def _plain(name: str, value: Any) -> dict[str, str]:
+    """Return the line that makes a plain value, if it is one."""
+    if getattr(math, name, None) is value:
+        return {name: f"from math import {name}"}
+    with suppress(ValueError, SyntaxError):
+        return {name: f"{name} = {value!r}"} if ast.literal_eval(repr(value)) == value else {}
+    return {}
 
 
 def _unknown(source: str) -> list[str]:

@@ -201,7 +201,7 @@ def begin(names, told):
             for name, usual in (BOUNDARIES | {"": MaterialAgent}).items():
                 if issubclass(value, usual) and value is not usual:
                     classes[name] = value
-        elif isinstance(value, type(begin)) and value.__code__.co_varnames[:1] == ("waiting",):
+        elif isinstance(value, type(begin)) and (value.__code__.co_varnames or [""])[0] == "waiting":
             order = value
     order = names["order"] if callable(names.get("order")) else order
     if not classes and order is None:

@@ -37,7 +37,7 @@ class SteppedModel(Model):
     running: bool
     _collector: DataCollector | None
     _noted: list[Any]  # figures that the collector has not yet, each as a model has them
-    _own_collector: bool
+    _own_collector = False
 
     def __init__(
         self, rng: Any = None, seed: int | None = None, order: Any = None, **of_mesa: Any
@@ -146,7 +146,7 @@ class SteppedModel(Model):
         state, drawn = self.first_states
         self.rng.bit_generator.state = state
         self.random.setstate(drawn)
-        self._collector, self._noted, self._own_collector = None, [], False
+        self._collector, self._noted = _anew(self._collector) if self._own_collector else None, []
 
     def reset(self) -> None:
         """Go back to the start."""
@@ -169,6 +169,14 @@ class SteppedModel(Model):
 
 
 COLLECTS = "datacollector: a model collects after every step itself; leave collect() out of step"
+
+
+def _anew(collector: Any) -> Any:
+    """Return a collector of Mesa's with its reporters and no data; of another kind the same."""
+    if type(collector) is not DataCollector:
+        return collector
+    asks = (getattr(collector, f"{kind}_reporters") for kind in ("model", "agent", "agenttype"))
+    return DataCollector(*asks, {name: [*columns] for name, columns in collector.tables.items()})
 
 
 def _rows_of(collector: Any) -> int:

@@ -191,6 +191,10 @@ def test_a_data_collector_of_ones_own():
     frame = model.datacollector.get_agent_vars_dataframe()
     assert frame["spawned"].max() == 4
     assert frame.loc[3]["kept"].sum() == pytest.approx(model.result().last.ledger.kept)
+    model.reset()
+    model.run(3)
+    again = model.datacollector.get_agent_vars_dataframe()  # agents have new numbers
+    assert again.values.tolist() == frame.values.tolist()
 
 
 def test_copies():

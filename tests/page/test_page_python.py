@@ -178,6 +178,9 @@ MISTAKES = [  # what comes before, what is written, the line, and words of the s
     ("", "from kaju import MaterialAgnt", 1, "kein `MaterialAgnt`; meinst du `MaterialAgent`?"),
     ("", "x = 1", 1, "there is no class of agents"),
     (CLASS, "def respond(self, load): pass", 3, "niemand ruft `respond` auf; meinst du `take`?"),
+    (CLASS, "def step(self):\n\n        self.x = 1", 3, "ruft nie `super().step()` auf"),
+    (CLASS, "def on_tick(self): pass", 3, "niemand ruft `on_tick` auf; meinst du `step`?"),
+    (CLASS, "def take(self, load): self.model.threshold = 1", 3, "`threshold` gehört zum Modell"),
     (CLASS, "def passOn(self, load): pass", 3, "niemand ruft `passOn` auf; meinst du `pass_on`?"),
     (
         CLASS,
@@ -342,6 +345,8 @@ def test_a_page_that_runs_another_model_than_was_recorded_says_so(opened, tmp_pa
     page = opened(kaju.export_page(model, tmp_path / "page.html", python=True))
     runs(page, page.js("page.studio.code"))
     told = page.js("page.studio.score()")
+    result = opened(kaju.export_page(model.result(), tmp_path / "result.html", python=True))
+    assert "is that of Fickle, not of the class below" in result.text("aside")
     assert f"3 generations and {model.result().last.ledger.taken:.4g} N taken: the page" in told
     code = page.js("page.studio.code") + "\n"  # another code than that of the record
     runs(page, code + "def mine(waiting): print(waiting[0].random.sample(range(99), 3))\n")

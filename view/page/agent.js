@@ -17,19 +17,22 @@ const bare = (code) => code.replace(/("""|''')[\s\S]*?\1|"(?:\\.|[^"\\\n])*"|'(?
 
 /** What no agent may use, before anything runs: {line, word}. */
 export function refused(code) {
-  const lines = bare(code).split("\n"), methodOf = (text) => text.match(/^\s+def ([a-z]\w*)/)?.[1], hooked = lines.some((text) => ["step", ...HOOKS].includes(methodOf(text)));
+  const lines = bare(code).split("\n"), methodOf = (text) => text.match(/^\s+def ([a-z]\w*)/)?.[1], hooked = lines.some((text) => HOOKS.includes(methodOf(text))), indent = (text) => text.search(/\S|$/);
   for (const [n, text] of lines.entries()) {
     const brings = text.match(/^\s*(?:from\s+([\w.]+)\s+import|import\s+([\w.]+))/), from = brings && (brings[1] ?? brings[2]).split(".")[0];
     if (brings && !ALLOWED.includes(from)) return { line: n + 1, word: from, key: "notInPage" };
     const found = !brings && text.match(REFUSED);
     if (found) return { line: n + 1, word: found[0], key: "notAllowed" };
-    const method = methodOf(text), hook = method && !HOOKS.includes(method) && (HOOKS.find((name) => near(method.toLowerCase(), name)) ?? (!hooked && /\(self, load\b/.test(text) && "take"));   // without any hook
+    const method = methodOf(text), bareName = method?.toLowerCase().replace(/^(on|do)_|_agent$/g, ""), called = () => RegExp(`\\.${method}\\b`).test(lines.join("\n"));
+    const hook = method && !HOOKS.includes(method) && !called() && (MEANT[bareName] ?? HOOKS.find((name) => name === bareName || near(bareName, name)) ?? (!hooked && /\(self, load\b/.test(text) && "take"));   // without any hook
     if (hook) return { line: n + 1, word: method, key: "notCalled", hook };
+    const end = lines.findIndex((one, at) => at > n && one.trim() && indent(one) <= indent(text)), body = [text.replace("step", ""), ...lines.slice(n + 1, end < 0 ? undefined : end)].join("\n");
+    if (method === "step" && !/\b(step|take|pass_on)\b/.test(body)) return { line: n + 1, word: "super().step()", key: "neverTakes" };
   }
   return null;
 }
 
-const HOOKS = ["take", "emissions", "pass_on", "shortening", "give_back", "turn"];
+const HOOKS = ["step", "take", "emissions", "pass_on", "shortening", "give_back", "turn"], MEANT = { emit: "emissions", receive: "take", go: "step", tick: "step", advance: "step" };   // as in own_agents.py
 const near = (a, b) => a !== b && distance(a, b) <= Math.max(1, b.length >> 2);
 function distance(a, b) {
   let row = Array.from({ length: b.length + 1 }, (_, i) => i);
@@ -116,10 +119,12 @@ export class Workshop {
     const recorded = this.otherThan(end);
     this.show(run); this.end({ ...end, ...(grew ? { grew } : {}), ...(recorded ? { recorded } : {}) });
   }
+  /** Of whom a run was recorded whose source the page does not have. */
+  get whose() { const { kind, own } = this.page; return kind === "recorded" && own && !own.source ? own.names.join(", ") : ""; }
   /** What was recorded in Python, if the same code has just done something else in the page. */
   otherThan({ agents, generations, taken }) {
-    const { page: { kind, run }, code, first, values, begun } = this, sum = run.taken?.value.reduce((a, b) => a + b, 0);
-    const same = kind !== "recorded" || code !== first || values !== begun || (run.agents === agents && run.generation === generations && general(sum, 4) === general(taken, 4));
+    const { page: { kind, run }, code, first, values, begun, whose } = this, sum = run.taken?.value.reduce((a, b) => a + b, 0);
+    const same = kind !== "recorded" || whose || code !== first || values !== begun || (run.agents === agents && run.generation === generations && general(sum, 4) === general(taken, 4));
     return same ? null : { a: run.agents, g: run.generation, t: general(sum, 4) };
   }
   /** The first lines are shown; who prints a thousand has a loop that does not end in mind, or in the code. */
@@ -170,7 +175,7 @@ export class Workshop {
     const bars = this.active ? this.parameters.map((p) => (typeof p.value === "boolean" ? tick(page.say(this.called(p.label)), p.value, (on) => this.turn(p, on))
       : slider(page.say(this.called(p.label)), { value: p.value, min: p.low, max: p.high, step: p.whole ? 1 : roundDown((p.high - p.low) / 500), show: (v) => general(v, 4), t }, (v) => this.turn(p, v)))) : [];
     const no = refused(this.code), lacks = no ? [no.word] : this.code === this.first ? this.needs : [];
-    const words = this.problem ? this.problem.error : lacks.length ? t("notInPage", { n: lacks.join("`, `") }) : this.foreign ? t("foreign") : this.pending ? t("solving") : this.active && this.result?.agents !== undefined ? this.score() : t("codeHint");
+    const words = this.problem ? this.problem.error : lacks.length ? t("notInPage", { n: lacks.join("`, `") }) : this.foreign ? t("foreign") : this.pending ? t("solving") : this.active && this.result?.agents !== undefined ? this.score() : this.whose ? t("otherAgents", { n: this.whose }) : t("codeHint");
     const out = this.out = make("p", { className: this.problem ? "verdict bad" : "verdict open", role: "status", textContent: words });
     const game = make("p", { className: "soft small", textContent: t("challengeIs", { a: general(this.applied(), 3), w: general(0.95 * this.applied(), 3) }) }), score = make("p", { className: "small", role: "status", textContent: this.challenge().filter(Boolean).join(" · ") });
     return [choose, ...asks, out, ...(this.problem ? [make("p", { className: "soft small", textContent: t("oldPicture") })] : []), ...bars, make("div", { className: "editor" }, this.gutter, this.field),

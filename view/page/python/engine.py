@@ -149,6 +149,8 @@ np, float_info = Table({"bool_": bool, "generic": Elsewhere}), Table({"max": 1.7
 class Model(LoadModel):
     """What agents know of the run."""
 
+    _fixed = ()
+
     def __init__(self, told, parameters):
         self.__dict__.update(told)  # threshold, sense, cross_section, kinds, loads, ...
         table = self.lattice = Table(told["lattice"])
@@ -165,6 +167,7 @@ class Model(LoadModel):
         )
         self.parameters, self.random, self.rng = parameters, Random(), Elsewhere("rng")
         self.random.seed(told["seed"])
+        self._fixed = ["threshold", "accumulate", *parameters]
 
     generation = property(lambda self: self.engine.generation)
     _objects = lambda self: self.engine

@@ -28,7 +28,7 @@ WHOLE: tuple[Any, ...] = (
 """Classes and functions, in an order in which each finds its bases."""
 METHODS: dict[Any, tuple[str, ...]] = {
     transfer.Transfer: ("heading", "emissions"),
-    load_model.LoadModel: ("agent_at", "axis_of", "heading", "hand_over"),
+    load_model.LoadModel: ("agent_at", "axis_of", "heading", "hand_over", "__setattr__"),
     agent_engine.AgentEngine: (
         "__init__", "_clear", "begin", "act", "end", "hand_over", "box_over",
         "emissions_of", "split", "_give_back", "_open_boxes", "_judged", "_bring", "_put",

@@ -426,7 +426,7 @@ def words(of: Lesson, preset: int = 0) -> dict[str, Any]:
     run = partial(lesson_runs.run, of.name)
     generations: Words = {
         "counts": lambda: [step.agents for step in run().generations],
-        "errors": lambda: [step.error for step in run().generations],
+        "errors": lambda name="": [step.error for step in run(name).generations],
     }
     return {"run": run} | generations | RECORDED[of.name](run) | ARITHMETIC
 

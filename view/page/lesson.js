@@ -180,7 +180,7 @@ export class Lesson {
 }
 
 /** What was typed as a number in a unit, "α₂ = " or *row* before it or not; of what has none, 1/2 and 50 % are 0.5, and a word may say what is counted. */
-const numberIn = (typed, unit, text = typed.replace(/^[^=]*=|^\s*\p{L}{3,}\s+|^\s*[^\x00-\x7f]+(?=\d)/u, ""), [, a, b] = (!unit && text.replaceAll(",", ".").match(/^\s*([\d.]+)\s*(?:[/⁄:]\s*([\d.]+)|[%％])\s*$/)) || []) => (a ? a / (b ?? 100) : numberOf(unit ? text.replace(/newtons?$/i, "N").replace(/N\/mm[²2]$/, "MPa") : text.trim().replace(/(\d)\s*(\p{L}{3,}|[^\x00-\x7f]+)$/u, "$1"), unit));
+const numberIn = (typed, unit, text = typed.replace(/^[^=]*=|^\s*\p{L}{3,}\s+|^\s*[^\x00-\x7f]+(?=\d)/u, ""), [, a, b] = (!(unit && /[%％]/.test(text)) && text.replaceAll(",", ".").match(/^\s*([\d.]+)\s*(?:[/⁄:]\s*([\d.]+)|[%％])\s*$/)) || []) => (a ? a / (b ?? 100) : numberOf(unit ? text.replace(/newtons?$/i, "N").replace(/N\/mm[²2]$/, "MPa") : text.trim().replace(/(\d)\s*(\p{L}{3,}|[^\x00-\x7f]+)$/u, "$1"), unit));
 const isRight = ({ answer, tolerance = 0 }, v) => Math.abs(v - answer) <= tolerance * (1 + 1e-9) + 1e-12 * Math.abs(answer);
 /** Whether a question may be answered by a drawing on paper. */
 const mayDraw = (q) => q.draws && q.kind === "text";
@@ -351,7 +351,7 @@ function judged(lesson, q, i, text) {
   if (q.fields.some((other, j) => j !== i && isRight(other, v) && isRight(field, lesson.number(q, j)))) return t("exchanged");
   if (unit === "%" && !/[%％]/.test(text) && isRight(field, 100 * v)) return t("notIn", { u: t("percent") });
   if (unit && field.answer && [0.001, 1000, ...(unit.includes("cm") ? [0.01, 100] : [])].some((f) => isRight(field, f * v))) return t("checkUnit", { u: unit });
-  return t("lookAgain") + (field.tolerance > 0 && !q.rounds ? ` · ${t("within", { e: `${general(field.tolerance, 3)}${unit === "%" ? ` ${t("points")}` : ""}` })}` : "");
+  return t("lookAgain") + (field.tolerance > 0 && !q.rounds && off < 2 * field.tolerance ? ` · ${t("within", { e: `${general(field.tolerance, 3)}${unit === "%" ? ` ${t("points")}` : ""}` })}` : "");
 }
 
 function guessCards(lesson, q) {

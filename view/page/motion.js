@@ -184,6 +184,7 @@ export class MotionPage extends Page {
   fillFlat({ r, u, x0, y0 }, ink, px, py) {
     const { corners, parts, points, low, unit, times, each, count } = this, moved = times ? this.moved[this.g] : null;
     this.view.rim = this.born && this.lesson?.secret ? 0 : moved ? 1.08 : 1;   // sizes are guessed first; parts that slide a little past each other still have a line between them, which is double in few places
+    this.view.least = this.look.colour === "level" ? 5 : 9;   // where sizes are looked at, small ones have lines, too
     for (let part = 0; part < count; part++) {
       if (!this.there(part)) continue;
       for (let i = 0; i < corners; i++) {

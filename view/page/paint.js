@@ -250,11 +250,11 @@ export function fillBox(view, corners, colour, hidden = []) {
   }
 }
 /** A face with a darker rim, so that single parts can be told: half a pixel of either side is a line of one. */
-export function fillRimmed({ r, rim = 1 }, px, py, n, colour, light) {
+export function fillRimmed({ r, rim = 1, least = 9 }, px, py, n, colour, light) {
   let wide = 0, mx = 0, my = 0;
   for (let i = 0; i < n; i++) { mx += px[i] / n; my += py[i] / n; wide = Math.max(wide, Math.hypot(px[i] - px[0], py[i] - py[0])); }
-  SHEET.fill(px, py, n, shade(colour, wide > 9 * r ? 0.76 * light : light));
-  if (wide <= 9 * r) return;
+  SHEET.fill(px, py, n, shade(colour, wide > least * r ? 0.76 * light : light));
+  if (wide <= least * r) return;
   const s = 1 - Math.SQRT2 * rim * r / wide, qx = Float64Array.from(px, (x) => 0.01 + mx + s * (x - mx)), qy = Float64Array.from(py, (y) => 0.01 + my + s * (y - my));   // on no middle of a pixel, where the last bit would decide
   SHEET.fill(qx, qy, n, shade(colour, light));
 }

@@ -6,6 +6,7 @@ import json
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from math import isfinite
+from os import PathLike
 from pathlib import Path
 from typing import Any
 from xml.sax.saxutils import quoteattr
@@ -17,7 +18,7 @@ from numpy.typing import NDArray
 
 from kaju import __version__
 from kaju.arrays import Floats, Ints
-from kaju.errors import ParameterError, ResultFileError, needing, require
+from kaju.errors import ParameterError, ResultFileError, brief, needing, require
 from kaju.files import atomic_file, hidden_folder
 from kaju.model.results.archive import answer_of
 from kaju.model.results.mesh import CUBE_FACES
@@ -110,6 +111,8 @@ def animate(
     ...
     'loads.gif'
     """
+    told = "path: the name of a film comes second, after what it shows, as in animate(result, "
+    require(isinstance(path, str | PathLike), f"{told}'film.gif'); got {brief(path)}")
     target = Path(path)
     ending = target.suffix.lower()
     _check(target, ending, fps, hold)

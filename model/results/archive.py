@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kaju import __version__
-from kaju.errors import KajuError, ResultError, ResultFileError
+from kaju.errors import KajuError, ParameterError, ResultError, ResultFileError
 from kaju.files import atomic_file, file_to_read, is_there
 from kaju.model.scene import load_scene
 from kaju.result_kinds import KINDS, fetch
@@ -176,6 +176,10 @@ def stored_at(path: str | Path, **others: type) -> Any:
 
 def from_file(subject: Any) -> Any:
     """Return the scene or result in a file; what is no path is returned as it is."""
+    if isinstance(subject, type):
+        name, into = subject.__name__, getattr(subject, "goes_into", "{}")
+        made = into.format(name).replace(",", "(scene,") if "," in into else f"{name}(scene"
+        raise ParameterError(f"{name}: is a class, of which nothing is made yet; give {made})")
     if not isinstance(subject, (str, Path)):
         return subject
     return load_scene(subject) if Path(subject).suffix == ".toml" else load_result(subject)

@@ -167,5 +167,13 @@ def test_what_cannot_be_a_page_is_refused(tmp_path):
     with pytest.raises(kaju.KajuError, match=r"a page is an \.html file; name it plate\.html"):
         kaju.export_page(Scene(**PLATE), tmp_path / "plate.pdf")
     truth = kaju.Reference(np.zeros((1, 2)), np.zeros((1, 2)))
-    with pytest.raises(kaju.KajuError, match="of: a scene, a model or a result is needed"):
-        kaju.export_page(truth, tmp_path / "plate.html")
+    wrong = {truth: "of: a scene, a model or a result is needed", LoadModel: r"LoadModel\(scene\)"}
+    wrong[kaju.MaterialAgent] = r"give LoadModel\(scene, material_agent=MaterialAgent\)"
+    for of, told in wrong.items():
+        with pytest.raises(kaju.KajuError, match=told):
+            kaju.export_page(of, tmp_path / "plate.html")
+    with pytest.raises(kaju.KajuError, match=r"a class, .* give LoadModel\(scene\)"):
+        kaju.plot(LoadModel)
+    for write in (kaju.export_page, kaju.animate):
+        with pytest.raises(kaju.KajuError, match="path: the name of a"):
+            write(tmp_path / "page.html", truth)

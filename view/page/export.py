@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from functools import cache
 from html import escape
 from importlib.resources import files
+from os import PathLike
 from pathlib import Path
 from typing import Any
 
@@ -134,6 +135,9 @@ def export_page(
     ...
     'plate.html'
     """
+    told = "path: the name of a page comes second, after what it shows, as in export_page(model, "
+    if not isinstance(path, str | PathLike):
+        raise ParameterError(f"{told}'page.html'); got {brief(path)}")
     target = Path(path)
     if target.suffix not in (".html", ".htm"):
         raise ParameterError(f"{target}: a page is an .html file; name it {target.stem}.html")

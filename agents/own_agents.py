@@ -50,7 +50,7 @@ def own_classes(material_agent: object, walls: Mapping[str, object] | None) -> t
 
 
 def check_class(name: str, agent: object, base: type) -> None:
-    """Refuse what is no class of agents, or one whose constructor takes other arguments."""
+    """Refuse what is no class of agents, hooks with other arguments, and steps that take none."""
     if agent is base:
         return
     usual = BOUNDARIES["rigid"] if base is BoundaryAgent else base
@@ -60,9 +60,18 @@ def check_class(name: str, agent: object, base: type) -> None:
             cure = f"it goes into {agent.goes_into.format(agent.__name__)}"
         needed = f"{name}: a subclass of {base.__name__} is needed, got {brief(agent)}"
         raise ParameterError(f"{needed}; {cure}")
-    brought = check_methods(f"{name}: {agent.__name__}", agent, base, *BOUNDARIES.values())
-    _check_hooks(f"{name}: {agent.__name__}", agent, base, brought)
+    whose = f"{name}: {agent.__name__}"
+    brought = check_methods(whose, agent, base, *BOUNDARIES.values())
     _check_names(name, agent, base, brought)
+    own = {hook for hook in HOOKS[base] if isinstance(brought.get(hook), FunctionType)}
+    for hook in own | {"__init__"}:
+        function, start = getattr(agent, hook), tuple(signature(getattr(base, hook)).parameters)
+        told = f"{whose}.{hook} takes {signature(function)}, but a model calls it with"
+        cure = "; take *start and call super().__init__(*start) first" * (hook == "__init__")
+        require(takes(function, *start), f"{told} ({', '.join(start)}){cure}")
+    told = f"{whose}.step never calls super().step(), so its agents would take no load; call it,"
+    acts = "step" not in own or {"step", "take", "pass_on"} & _names_in(brought["step"])
+    require(bool(acts), f"{told} or override take, emissions or pass_on instead")
 
 
 def every_name(base: type) -> set[str]:
@@ -109,35 +118,22 @@ def check_methods(whose: str, kind: type, *bases: type) -> dict[str, Any]:
     """Return what a class has beyond bases of kaju's; refuse methods that nobody calls."""
     own = [*takewhile(lambda one: one not in bases, kind.__mro__)]
     brought = {key: value for one in reversed(own) for key, value in vars(one).items()}
+    # Any method of a model may be called from elsewhere, but not one that was meant to be a step.
     words, hooks = (MEANT, HOOKS[bases[0]]) if bases[0] in HOOKS else ({}, ("step",))
     methods = {k for k, one in brought.items() if isinstance(one, FunctionType) and k[0] != "_"}
     usual = methods.isdisjoint(hooks)  # then a method that takes loads was meant to be one
     never = {"step", "advance"} - {*hooks}  # Mesa's; kaju calls steps of cells only
     for key in sorted(methods - (set(dir(bases[0])) - never)):
         bare = key.lower().removeprefix("on_").removeprefix("do_").removesuffix("_agent")
-        lost = usual and "load" in " ".join(signature(brought[key]).parameters)
+        lost = words and usual and "load" in " ".join(signature(brought[key]).parameters)
         near = _near(words.get(bare, bare), hooks, 0.81) if words or usual else []  # no intake
         meant = [f"did you mean {one!r}?" for one in near]
-        if words:  # agents may call any method of a model
-            meant += [f"should it be a {one.__name__}?" for one in HOOKS if key in HOOKS[one]]
-            meant += [f"it calls {', '.join(hooks)}."] * lost
+        meant += [f"should it be a {one.__name__}?" for one in HOOKS if words and key in HOOKS[one]]
+        meant += [f"it calls {', '.join(hooks)}."] * bool(lost)
         called = any(key in _names_in(one) for name, one in brought.items() if name != key)
         told = f"{whose} has a method {key!r}, which kaju never calls; {''.join(meant[:1])} If the"
         require(called or not meant, f"{told} name is intended, begin it with _")
     return brought
-
-
-def _check_hooks(whose: str, agent: type, base: type, brought: dict[str, Any]) -> None:
-    """Refuse hooks with other arguments, and steps that take none."""
-    own = {key for key, one in brought.items() if isinstance(one, FunctionType)}
-    for hook in own & {*HOOKS[base]} | {"__init__"}:
-        function, start = getattr(agent, hook), tuple(signature(getattr(base, hook)).parameters)
-        told = f"{whose}.{hook} takes {signature(function)}, but a model calls it with"
-        cure = "; take *start and call super().__init__(*start) first" * (hook == "__init__")
-        require(takes(function, *start), f"{told} ({', '.join(start)}){cure}")
-    told = f"{whose}.step never calls super().step(), so its agents would take no load; call it,"
-    acts = "step" not in own or {"step", "take", "pass_on"} & _names_in(brought["step"])
-    require(bool(acts), f"{told} or override take, emissions or pass_on instead")
 
 
 # Answers, in a run.

@@ -16,6 +16,7 @@ from kaju._mesa import DataCollector, Model, number_agents_of, track_figures
 from kaju.agents.face_agent import FaceAgent
 from kaju.agents.material_agent import PlacedAgent
 from kaju.agents.own_agents import HOOKS, check_methods
+from kaju.agents.parameter import Declaration, declared
 from kaju.errors import AgentError, ParameterError, brief, require
 from kaju.result_kinds import html_in_notebook
 
@@ -42,9 +43,11 @@ class SteppedModel(Model):
     def __init__(
         self, rng: Any = None, seed: int | None = None, order: Any = None, **of_mesa: Any
     ) -> None:
-        made = type(self).__mro__
-        base = next(one for one in made if one.__module__.startswith("kaju."))
+        base = next(one for one in type(self).__mro__ if one.__module__.startswith("kaju."))
         check_methods(type(self).__name__, type(self), base)
+        for name, one in declared([type(self)], Declaration).items():
+            told = f"{name}: a {type(one).__name__} stands on the class of the agents, and not on"
+            raise ParameterError(f"{told} {type(self).__name__}; declare it there")
         told = "order: a function of the agents for which loads wait is needed"
         require(order is None or callable(order), f"{told}, got {brief(order)}")
         self.order = order

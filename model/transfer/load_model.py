@@ -145,10 +145,10 @@ class LoadModel(SteppedModel):
                 return ArrayEngine(transfer)
             return AgentEngine(self, transfer, material_agent, boundary_agents or {})
 
-        names = [agent.__name__ for agent in classes]
         self.course = LoadTransfer(
             scene, allow_unstable, max_generations,
-            rule=rule, own=names, ordered=order is not None, engine_of=engine_of,
+            rule=rule, own=[agent.__name__ for agent in classes],
+            ordered=order is not None, engine_of=engine_of,
         )  # fmt: skip
         self.scene, self.lattice = scene, scene.lattice
         self.allow_unstable, self.max_generations = allow_unstable, max_generations
@@ -221,7 +221,7 @@ class LoadModel(SteppedModel):
     @property
     def outcome(self) -> str:
         """How the stage ended, or that a step has stopped it; empty till then."""
-        return self.course.outcome or self.course.interrupted * (not self.running)
+        return self.course.outcome if self.running else self.course.result().last.outcome
 
     def arguments(self) -> tuple[dict[str, Any], dict[str, Any]]:
         """Return the model's plain arguments, and classes and functions of your own."""

@@ -118,11 +118,6 @@ class LoadTransfer(Stepper[TransferResult]):
         """How the current stage ended, in words; empty while loads travel."""
         return self._stage().outcome if self._end() else ""
 
-    @property
-    def interrupted(self) -> str:
-        """What is said of a stage that has been stopped by now, while loads travel."""
-        return f"interrupted after {counted(self.engine.generation, 'generation')}"
-
     def _stage(self, otherwise: str = "") -> Stage:
         """Return what the current stage has left behind so far, and how it ended, or else."""
         stage: Stage = self.engine.stage(self.stage / self.scene.stages)
@@ -133,7 +128,7 @@ class LoadTransfer(Stepper[TransferResult]):
 
     def result(self) -> TransferResult:
         """Return what has been computed so far."""
-        last = self._stage(self.interrupted)
+        last = self._stage(f"interrupted after {counted(self.engine.generation, 'generation')}")
         return TransferResult(
             scene=self.scene,
             stages=(*self.finished, last),

@@ -59,6 +59,8 @@ def test_it_is_the_same_for_all_agents():
 
     with pytest.raises(ParameterError, match="loads: is a Parameter"):
         LoadModel(pressed(), material_agent=Careless).run()
+    with pytest.raises(ParameterError, match=r"^loads: a Parameter .* on the class of the agents,"):
+        type("Mine", (LoadModel,), {"loads": Parameter(3, 1, 10)})(pressed())
     with pytest.raises(ParameterError, match=r"r.3, 1, 2.: must be a whole number from 1 to 2"):
         Parameter(3, 1, 2)
     for low, high in ((2, 1), ("a", 1), (None, None)):

@@ -83,6 +83,10 @@ def test_a_step_ends_the_run_by_setting_running_to_false():
     full = LoadModel(plate(), material_agent=Full)
     full.run()
     assert (full.running, full.generation) == (False, 3)
+    due = {"due": lambda self, asked: setattr(self.model, "running", False) or asked}
+    rule = ElasticRule(order="wave", threshold=0.05)
+    elastic = ElasticModel(plate(rule=rule), face_agent=type("Face", (kaju.FaceAgent,), due))
+    assert elastic.run().outcome == elastic.outcome == "interrupted after 1 step"
 
 
 def test_agents_may_wait_and_an_order_decides_how_soon_loads_end():

@@ -233,7 +233,7 @@ class ElasticModel(SteppedModel):
 
     @property
     def outcome(self) -> str:
-        """How the run ended, in words; empty while agents act."""
+        """How the run ended, or that a step has stopped it; empty while agents act."""
         unit = {"wave": "wave", "multilevel": "visit"}.get(self.table.order, "push")
         after = counted(self.state.pushes if unit == "push" else self.generation, unit)
         if self.at_rest:
@@ -256,7 +256,9 @@ class ElasticModel(SteppedModel):
             )
         if self.generation >= self.max_steps:
             return f"stopped after max_steps = {self.max_steps} with loads above the threshold"
-        return ""
+        return "" if self.running else self._stopped
+
+    _stopped = property(lambda model: f"interrupted after {counted(model.generation, 'step')}")
 
     def arguments(self) -> tuple[dict[str, Any], dict[str, Any]]:
         """Return the model's plain arguments, and classes and functions of your own."""
@@ -287,7 +289,7 @@ class ElasticModel(SteppedModel):
     def result(self) -> ElasticRun:
         """Return what has been computed so far."""
         state, agents = self.state, elastic_run.FaceAgents.of(self.state)
-        outcome = self.outcome or f"interrupted after {counted(self.generation, 'step')}"
+        outcome = self.outcome or self._stopped
         return ElasticRun(
             result=self._answer(outcome),
             outcome=outcome,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from copy import copy
 from itertools import chain
 from numbers import Integral
 from traceback import walk_tb
@@ -176,10 +177,11 @@ COLLECTS = "datacollector: a model collects after every step itself; leave colle
 
 def _anew(collector: Any) -> Any:
     """Return a collector of Mesa's with its reporters and no data; of another kind the same."""
-    if type(collector) is not DataCollector:
-        return collector
-    asks = (getattr(collector, f"{kind}_reporters") for kind in ("model", "agent", "agenttype"))
-    return DataCollector(*asks, {name: [*columns] for name, columns in collector.tables.items()})
+    if isinstance(collector, DataCollector):
+        old, collector = collector, copy(collector)  # of a subclass, too
+        asks = (getattr(old, f"{kind}_reporters") for kind in ("model", "agent", "agenttype"))
+        DataCollector.__init__(collector, *asks, {name: [*old.tables[name]] for name in old.tables})
+    return collector
 
 
 def _rows_of(collector: Any) -> int:

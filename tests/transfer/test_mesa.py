@@ -186,7 +186,7 @@ def test_sets_of_agents_are_mesas():
 
 def test_a_data_collector_of_ones_own():
     model = stepped(0)
-    model.datacollector = DataCollector(
+    model.datacollector = type("Mine", (DataCollector,), {})(
         model_reporters={"kept": lambda m: material(m).agg("kept", sum)},
         agent_reporters={"spawned": "spawn_step", "kept": "kept"},
     )

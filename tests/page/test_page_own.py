@@ -102,3 +102,27 @@ def test_a_page_moves_cells_as_python_does(name, shown):
     moved = page.js(f"page.deformed().displacement.map((u) => {keys}.map((k) => u[k]))")
     size = np.abs(result.displacement).max()
     np.testing.assert_allclose(np.transpose(moved), result.displacement, atol=1e-12 * size)
+
+
+class Marked(MaterialAgent):
+    low = kaju.State(False, "stands low")
+
+    def __init__(self, *start):
+        super().__init__(*start)
+        self.low = self.index[1] < 3
+
+
+COLOURS = """(() => {
+  const { view, canvas: { width: w, height: h } } = page;
+  const ink = new Uint32Array(page.canvas.getContext("2d").getImageData(0, 0, w, h).data.buffer);
+  return [[5, 1], [5, 4], [0, 0]].map((cell) => {
+    const [x, y] = view.point(view.centre(cell)).map((at) => Math.round(at * view.r));
+    return ink[y * w + x]; }); })()"""
+
+
+def test_a_state_that_is_true_or_false_has_two_colours_and_neither_is_that_of_sleep(shown):
+    page = shown(LoadModel(plate(), material_agent=Marked), language="de")
+    page.js("(page.look.colour = 'state low', page.look.arrows = false, page.draw())")
+    assert page.js("[page.scale().whether, page.kindOf(page.scale())]") == [True, ""]
+    assert len(set(page.js(COLOURS))) == 3
+    assert page.text(".verdict").startswith("In Ruhe nach ")

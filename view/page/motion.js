@@ -5,9 +5,8 @@ import { draw, make } from "./controls.js";
 import { bytesOf, Recorded, through, unpack } from "./history.js";
 import { Page } from "./page.js";
 import { arrow, colourOf, css, fillBox, fillRimmed, lineOfGround, packed, paintLegend, rgb, SHEET, View } from "./paint.js";
-import { general, largest, local, quantity, roundDown } from "./words.js";
+import { general, largest, quantity, recounted, roundDown } from "./words.js";
 
-const AMOUNT = /\d[\d.]*(?:e[-+]?\d+)?(?: (?:%|[GMkmµnp]?(?:Pa|J|N|m)\b))?/g;
 const SHOWN = 0.066;                           // of the body: its largest displacement, magnified
 
 export class MotionPage extends Page {
@@ -65,10 +64,8 @@ export class MotionPage extends Page {
   get colours() { return [...Object.keys(this.units), ...(this.moved ? ["move"] : [])]; }
   unitOf(name) { return name === "move" ? "m" : this.units[name]; }
   word(key) { return this.t(key === "move" ? key : `value_${key}`); }
-  /** How the run ended, in the reader's language where it has these words: numbers fill the gaps of a sentence. */
   certify() {
-    const said = (text) => { const gaps = []; return this.t(`told_${text.replace(AMOUNT, (number) => `{${gaps.push(local(number)) - 1}}`)}`, { ...gaps, otherwise: text.replace(AMOUNT, local) }); };
-    this.tellVerdict(this.outcome.split(/(; |, without limit: | along )/).map(said).join(""), null);
+    this.tellVerdict(recounted(this.t, this.outcome), null);
   }
   /** Round moments of a run with the frame of each, at most so many. */
   moments(most) {

@@ -10,7 +10,7 @@ import { Loads } from "./loads.js";
 import { Workshop } from "./agent.js";
 import { follow, Past } from "./state.js";
 import { storyOf, tellStory } from "./cell.js";
-import { chosenLanguage, LANGUAGES, largest, quantity, roundDown, say, verdictOf } from "./words.js";
+import { chosenLanguage, LANGUAGES, largest, quantity, recounted, roundDown, say, verdictOf } from "./words.js";
 import { buildAside, buildBar, buildFooter, buildHeader, buildTries, modeCards, showKeys, tellMarks } from "./panels.js";
 
 const UNITS = { taken: "N", now: "N", kept: "N", stress: "Pa", move: "m", spawn: "", density: "" };
@@ -155,7 +155,7 @@ export class Page {
     clearTimeout(this.judging);
     this.judging = null;
     if (this.studio && this.own && this.touchable) { this.tellVerdict("", true); return; }
-    if (kind !== "prescribed" || (verdict && !this.touchable)) { this.tellVerdict(verdict ?? "", stable); return; }
+    if (kind !== "prescribed" || (verdict && !this.touchable)) { this.tellVerdict(recounted(this.t, verdict ?? ""), stable); return; }
     const steps = certifying(this.scene, this.cells), go = (budget) => {
       const until = performance.now() + budget;
       let next;
@@ -253,10 +253,10 @@ export class Page {
     if (!this.scales.has(colour)) {
       const keep = this.g, { value, n } = this.run.taken;
       this.goTo(Infinity);
-      const high = largest(colour === "now" ? value.subarray(0, n) : this.values(colour));
+      const all = colour === "now" ? value.subarray(0, n) : this.values(colour), high = largest(all), known = this.run.states?.find(([name]) => `state ${name}` === colour);
       this.goTo(keep);
       const log = ["taken", "now", "kept", "stress"].includes(colour), grown = log && (this.run.grown || (colour !== "stress" && high > 1e6 * this.run.applied));
-      this.scales.set(colour, { high: high || 1, low: log ? Math.max(1e-4 * high, Math.min(0.1 * high, colour === "taken" ? this.scene.rule.threshold ?? 0 : 0)) || 1e-4 : colour === "spawn" ? 1 : 0, log, grown });
+      this.scales.set(colour, { high: high || 1, low: log ? Math.max(1e-4 * high, Math.min(0.1 * high, colour === "taken" ? this.scene.rule.threshold ?? 0 : 0)) || 1e-4 : colour === "spawn" ? 1 : all.some((v) => v < 0) ? -high : 0, log, grown, known, whether: known?.[2] });
     }
     const scale = this.scales.get(colour), now = scale.grown ? 10 ** Math.ceil(Math.log10(largest(this.values(colour)) || 1)) : 0;
     return now ? { ...scale, high: now, low: 1e-3 * now } : scale;
@@ -303,7 +303,7 @@ export class Page {
     this.loads.paint(view);
     if (this.picked >= 0) paintPick(view, L.cell(this.picked), inks);
     if (part.window) view.ctx.clearRect(0, view.h - 52, view.w, 52);
-    if (!box.w && (!this.lesson || this.g > 0)) paintLegend(view, scale, this.word(look.colour), this.kindOf(scale), (v) => quantity(v, UNITS[look.colour], scale.log ? 0 : scale.high), inks);
+    if (!box.w && (!this.lesson || this.g > 0)) paintLegend(view, scale, this.word(look.colour), this.kindOf(scale), (v) => quantity(v, UNITS[look.colour], scale.log ? 0 : scale.high), inks, scale.whether ? [[0, t("no")], [1, t("yes")]] : null);
     const scaled = moved ? t("magnified", { n: quantity(factor, "") }) : run.grown && this.g >= run.generation ? t("grown") : run.atRest && !run.generation ? t("nothing") : look.colour === "taken" && this.picked >= 0 && !box.w && this.canvas.clientWidth > 520 && values.some((v) => v > 1.001 * run.applied) ? t("takenMore") : "";
     const ruled = this.deformable && !box.w && moved ? t("keepsNone") : "";   // beside cuts a card says so
     const sensed = look.arrows && !box.w && run.C > L.D ? t("arrowKey") : "";
@@ -311,7 +311,7 @@ export class Page {
     this.parts.cap.textContent = this.told || [asked, took, scaled, ruled, sensed].filter(Boolean).join(" · ");
   }
   /** What a legend says of its scale: in a lesson also that other examples have another. */
-  kindOf({ log }) { return this.t(log ? "log" : "linear") + (this.lesson?.several && !/density|pull/.test(this.look.colour) ? ` · ${this.t("ownScale")}` : ""); }
+  kindOf({ log, whether }) { return whether ? "" : this.t(log ? "log" : "linear") + (this.lesson?.several && !/density|pull/.test(this.look.colour) ? ` · ${this.t("ownScale")}` : ""); }
   words() {
     const { run, t, parts, g } = this, done = this.over;
     this.tellTime(this.limit < run.generation ? t("generationOnly", { g }) : t(done ? "generation" : "running", { g, n: run.generation }));

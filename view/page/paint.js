@@ -145,19 +145,19 @@ export function paintCells(view, kinds, values, scale, inks, { moved = null, fac
   const { ctx, r, lattice: L } = view, asleep = packed(rgb(inks.cell));
   ctx.setTransform(r, 0, 0, r, 0, 0);
   ctx.clearRect(0, 0, view.w, view.h);
-  const awake = tone && packed(rgb(tone)), colour = (k) => (values[k] > 0 || (values[k] < 0 && scale.low < 0) ? awake ?? colourOf(values[k], scale, inks) : asleep);
+  const awake = tone && packed(rgb(tone)), colour = (k) => (values[k] > 0 || (values[k] < 0 && scale.low < 0) || (values[k] <= 0 && scale.known) ? awake ?? colourOf(values[k], scale, inks) : asleep);
   if (L.dimension === 3) { paintCubes(view, kinds, colour, cut, values, moved, factor); return; }
   SHEET.start(ctx, view.W, view.H);
   (L.hexagon ? fillHexagons : fillQuads)(view, kinds, colour, moved, factor / L.h);
   ctx.putImageData(SHEET.image, 0, 0);
   if (!moved && !L.hexagon && view.u > 9) paintGaps(view, inks);
   hatch(view, kinds, inks);
-  if (!moved && !L.hexagon && scale.low >= 0) paintFront(view, values, inks);
+  if (!moved && !L.hexagon && (scale.low >= 0 || scale.known)) paintFront(view, values, inks);
 }
 
 /** The outline of where a value is: the palest colour differs little from a sleeping cell. */
 function paintFront(view, values, inks) {
-  const { ctx, u, lattice: L } = view, has = (k) => values[k] >= 0, r = u / 2;
+  const { ctx, u, lattice: L } = view, has = (k) => !Number.isNaN(values[k]), r = u / 2;
   if (u < 4) return;
   ctx.strokeStyle = inks.soft; ctx.lineWidth = 1.5; ctx.beginPath();
   L.each((k) => {
@@ -360,7 +360,7 @@ export function paintWord(ctx, text, x, y, ink, inks, { font = FONT, align = "le
 /** The colour bar below a picture: its name, "linear" or "log", its ends and ticks between them, or `ticks`: [value, words]. */
 export function paintLegend({ ctx, w, h }, scale, label, kind, show, inks, ticks = null) {
   const n = Math.max(140, Math.min(300, 0.5 * w)), x = Math.round((w - n) / 2), y = h - 32, { low, high, log } = scale;
-  const colours = low < 0 ? inks.differences : inks.steps;
+  const colours = low < 0 ? inks.differences : scale.whether ? [inks.steps[0], inks.steps.at(-1)] : inks.steps;
   ctx.font = FONT; ctx.fillStyle = inks.ink; ctx.textBaseline = "bottom"; ctx.textAlign = "left";
   const over = Math.max(0, ctx.measureText(label).width + ctx.measureText(kind).width + 10 - n) / 2;   // words wider than the bar reach beyond it on both sides
   ctx.fillText(label, Math.max(4, x - over), y - 3, w - 120);

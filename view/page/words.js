@@ -48,6 +48,13 @@ export function quantity(v, unit, largest = 0) {
 }
 const power = (x) => local(x.toExponential(2)).replace(/e\+?(-?)(\d+)/, (_, s, n) => ` × 10${s ? "⁻" : ""}${[...n].map((c) => "⁰¹²³⁴⁵⁶⁷⁸⁹"[c]).join("")}`);
 
+const AMOUNT = /\d[\d.]*(?:e[-+]?\d+)?(?: (?:%|[GMkmµnp]?(?:Pa|J|N|m)\b))?/g;
+/** What Python has told in English, in the reader's language where it has these words: numbers fill the gaps of a sentence. */
+export function recounted(t, told) {
+  const said = (text) => { const gaps = []; return t(`told_${text.replace(/\b1 (generation|agent)\b/g, "1 $1s").replace(AMOUNT, (number) => `{${gaps.push(local(number)) - 1}}`)}`, { ...gaps, otherwise: text.replace(AMOUNT, local) }); };
+  return told.split(/(; |, without limit: | along )/).map(said).join("");
+}
+
 /** The certificate in words: in English those of kaju.stability. */
 export function verdictOf(certificate, rule, t) {
   const { generations: n, name: m, tried, stable } = certificate;

@@ -189,9 +189,9 @@ def packed_page(
         shown, account = _watched(of)
     else:
         shown = of if isinstance(of, (Scene, Result)) else of.run()
-    named = own or {"own": {"names": getattr(shown, "own_agents", ()), "source": ""}}
+    named = own or {"names": getattr(shown, "own_agents", ()), "source": ""}
     header: dict[str, Any] = {"format": FORMAT, "text": text}
-    header |= named if named["own"]["names"] else {}
+    header |= {"own": named} if named["names"] else {}
     header |= {name: told for name, told in (about or {}).items() if told}
     scene = shown.scene if isinstance(shown, TransferResult) else shown
     if not isinstance(shown, Scene) and not (
@@ -211,7 +211,7 @@ def packed_page(
         last, certificate = shown.last, shown.certificate
         if own and shown.seed is not None:
             drawn = {"name": "seed", "label": "seed (rng=)", "value": shown.seed}
-            own["own"]["parameters"].append(drawn)
+            own["parameters"].append(drawn)
         stable, verdict = bool(certificate.stable), certificate.verdict
         if not certificate.known and last.outcome:  # nobody knew before the run; now it is known
             stable = last.outcome.startswith("at rest")
@@ -259,7 +259,7 @@ def _own_data(model: Any) -> dict[str, Any]:
         sources.append(f"order = {model.order.__name__}")
     values = getattr(model, "parameters", {})
     classes = [part for part in parts if isinstance(part, type)]
-    own = {
+    return {
         "names": [part.__name__ for part in parts],
         "source": "\n\n".join(sources),
         "parameters": [
@@ -268,7 +268,6 @@ def _own_data(model: Any) -> dict[str, Any]:
             if name in values
         ],
     }
-    return {"own": own}
 
 
 def _watched(model: LoadModel) -> tuple[TransferResult, Account]:
@@ -324,7 +323,7 @@ def joined(modules: tuple[str, ...] = MODULES) -> str:
     constants: dict[str, Any] = {}
     if "words.js" in modules:
         words = json.loads(folder.joinpath("words.json").read_text("utf-8"))
-        more = written.words() if "agent.js" in modules else {}
+        more = json.loads(written.text_of("words.json")) if "agent.js" in modules else {}
         constants["WORDS"] = {key: texts | more.get(key, {}) for key, texts in words.items()}
     if "page.js" in modules:
         style = folder.joinpath("page.css").read_text("utf-8")

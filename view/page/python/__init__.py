@@ -41,64 +41,52 @@ SMALL = {
 """Modules of Python that agents may import, as far as they need them."""
 
 
-def _text(name: str) -> str:
+def text_of(name: str) -> str:
+    """Return the text of a file beside this one."""
     return files(__package__).joinpath(name).read_text("utf-8")
-
-
-def words() -> dict[str, dict[str, str]]:
-    """Return what the tab *Agent* says, by language."""
-    told: dict[str, dict[str, str]] = json.loads(_text("words.json"))
-    return told
 
 
 def header(own: dict[str, Any]) -> dict[str, Any]:
     """Return what a page's header says: the code it opens with, and the agents to begin from."""
-    ready = json.loads(_text("ready/ready.json"))
+    ready = json.loads(text_of("ready/ready.json"))
     for name, agent in ready.items():
-        agent["code"] = _text(f"ready/{name}.py")
+        agent["code"] = text_of(f"ready/{name}.py")
     code, needs, values = ready["standard"]["code"], [], {}
     if own:
-        source = own["own"]["source"]
-        values = {row["name"]: row["value"] for row in own["own"]["parameters"]}
-        needs = _unknown(source)
-        modules = [name for name in needs if name in ("kaju", "math", "random")]
+        values = {row["name"]: row["value"] for row in own["parameters"]}
+        needs = _unknown(own["source"])
+        head = [f"import {name}" for name in needs if name in ("kaju", "math", "random")]
         offered = [name for name in needs if name in OFFERED]
-        needs = [name for name in needs if name not in modules + offered]
-        head = [f"import {name}" for name in modules]
         head += [f"from kaju import {', '.join(offered)}"] * bool(offered)
-        code = "\n".join([*head, "", "", source, ""]).lstrip()
+        needs = [name for name in needs if name not in (*offered, "kaju", "math", "random")]
+        code = "\n".join([*head, "", "", own["source"], ""]).lstrip()
     return {
         "python": {
             "code": code,
             "needs": needs,
             "values": values,
             "ready": ready,
-            "licence": _text("ready/licence.txt").strip(),
+            "licence": text_of("ready/licence.txt").strip(),
         }
     }
 
 
 def sources(parts: Iterable[Any]) -> list[str]:
-    """Return the sources of classes and functions, each after those of your own that it names."""
-    lines: dict[str, str] = {}
+    """Return the sources of classes and functions, each after what of your own it names."""
     told: dict[str, str] = {}
 
-    def add(part: Any) -> None:
-        name, around = part.__name__, sys.modules.get(part.__module__)
-        if name in told:
-            return
-        told[name] = ""  # it may name itself
-        for other in _unknown(source := _source(part)):
-            of = getattr(around, other, ...)
-            if not isinstance(of, (type, FunctionType)):
-                lines.update(_plain(other, of))
-            elif of.__name__ == other and _is_own(of):
-                add(of)
-        told[name] = told.pop(name) or source  # it stands after them
+    def add(name: str, of: Any, source: str) -> None:
+        if source and name not in told:
+            told[name] = ""  # it may name itself
+            around = sys.modules.get(getattr(of, "__module__", ""))
+            for other in _unknown(source):
+                one = getattr(around, other, ...)
+                add(other, one, _own(other, one))
+            told[name] = told.pop(name) or source  # it stands after them
 
     for part in parts:
-        add(part)
-    return ["\n".join(lines.values())] * bool(lines) + list(told.values())
+        add(part.__name__, part, _source(part))
+    return list(told.values())
 
 
 def _source(part: type | FunctionType) -> str:
@@ -112,20 +100,17 @@ def _source(part: type | FunctionType) -> str:
     return f"# the source of {part.__name__} is not at hand"
 
 
-def _is_own(part: type | FunctionType) -> bool:
-    """Tell whether neither kaju nor Python nor an installed package has brought it."""
-    file = getattr(sys.modules.get(part.__module__), "__file__", None) or ""
-    theirs = part.__module__.partition(".")[0] in ("kaju", *sys.stdlib_module_names)
-    return not theirs and "-packages" not in file
-
-
-def _plain(name: str, value: Any) -> dict[str, str]:
-    """Return the line that makes a plain value, if it is one."""
-    if getattr(math, name, None) is value:
-        return {name: f"from math import {name}"}
+def _own(name: str, of: Any) -> str:
+    """Return the source or the line that makes what is called so; none of what others wrote."""
+    if isinstance(of, (type, FunctionType)):
+        file = getattr(sys.modules.get(of.__module__), "__file__", None) or ""
+        theirs = of.__module__.partition(".")[0] in ("kaju", *sys.stdlib_module_names)
+        return "" if theirs or "-packages" in file or of.__name__ != name else _source(of)
+    if getattr(math, name, None) is of:
+        return f"from math import {name}"
     with suppress(ValueError, SyntaxError):
-        return {name: f"{name} = {value!r}"} if ast.literal_eval(repr(value)) == value else {}
-    return {}
+        return f"{name} = {of!r}" if ast.literal_eval(repr(of)) == of else ""
+    return ""
 
 
 def _unknown(source: str) -> list[str]:
@@ -151,10 +136,10 @@ def worker(modules: str) -> str:
         'globalThis.__BRYTHON__ = { brython_path: "https://page.invalid/" };',
         library.joinpath("brython.js").read_text("utf-8"),
         f"__BRYTHON__.use_VFS = true; __BRYTHON__.update_VFS({json.dumps(needed)});",
-        f"const ENGINE = {json.dumps(_text('engine.py').replace('# ---- kaju', heart()))};",
+        f"const ENGINE = {json.dumps(text_of('engine.py').replace('# ---- kaju', heart()))};",
         f"const OFFERED = {json.dumps(SMALL)};",
         modules,
-        _text("worker.js"),
+        text_of("worker.js"),
     )
     packed = b64encode(zlib.compress("\n".join(parts).encode(), 9)).decode()
     return f'<script type="application/octet-stream" id="kaju-python">{packed}</script>\n'

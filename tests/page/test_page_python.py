@@ -188,6 +188,7 @@ MISTAKES = [  # what comes before, what is written, the line, and words of the s
         4,
         "muss super().__init__ mit allen",
     ),
+    ("from kaju import *\n", "class Own(PrescribedRule): pass", 2, "PrescribedRule gibt es in der"),
     (CLASS, "state = State('x')", 3, "its default must be a number"),
 ]
 

@@ -86,7 +86,7 @@ class Elsewhere:
         raise KajuError(f"{self.name}: is not in the page; {self.cure}")
 
     def __getattr__(self, what):
-        raise KajuError(f"{self.name}.{what}: is not in the page; {self.cure}")
+        Elsewhere(self.name if what[0] == "_" else f"{self.name}.{what}", self.cure)()
 
 class Beside(list):
     """The cells beside a cell, arm by arm, and who is awake in them."""

@@ -97,19 +97,10 @@ def animate(
 
     Examples
     --------
-    >>> import tempfile
-    >>> from pathlib import Path
-    >>> from kaju import LoadModel, Scene, animate
-    >>> scene = Scene(
-    ...     body={"cells": [5, 5], "cell_size": 0.01, "material": "steel"},
-    ...     sides={"bottom": "rigid"},
-    ...     loads=[{"cell": [2, 4], "force": [0.0, -2.0]}],
-    ... )
-    >>> result = LoadModel(scene).run()
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     animate(result, Path(folder) / "loads.gif").name
-    ...
-    'loads.gif'
+    >>> import kaju
+    >>> answer = kaju.solve(kaju.load_scene("plate.toml"), tolerance=0.2)
+    >>> kaju.animate(answer, "agents.gif").name
+    'agents.gif'
     """
     told = "path: the name of a film comes second, after what it shows, as in animate(result, "
     require(isinstance(path, str | PathLike), f"{told}'film.gif'); got {brief(path)}")

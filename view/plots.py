@@ -104,13 +104,8 @@ def plot(subject: Any, what: str | None = None, ax: Axes | None = None, **option
 
     Examples
     --------
-    >>> from kaju import LoadModel, Scene, plot
-    >>> scene = Scene(
-    ...     body={"cells": [5, 5], "cell_size": 0.01, "material": "steel"},
-    ...     sides={"bottom": "rigid"},
-    ...     loads=[{"cell": [2, 4], "force": [0.0, -2.0]}],
-    ... )
-    >>> figure = plot(LoadModel(scene).run())
+    >>> import kaju
+    >>> figure = kaju.plot(kaju.LoadModel(kaju.load_scene("plate.toml")).run())
     >>> len(figure.axes) > 0
     True
     """

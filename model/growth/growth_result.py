@@ -30,11 +30,7 @@ class GrowthResult(BodyResult):
     Examples
     --------
     >>> import kaju
-    >>> scene = kaju.Scene(
-    ...     body={"cells": [20, 10], "cell_size": 0.01, "material": "steel"},
-    ...     sides={"left": "rigid"},
-    ...     loads=[{"region": {"box": [[0.18, 0.0], [0.2, 0.02]]}, "force": [0.0, -1.0]}],
-    ... )
+    >>> scene = kaju.load_scene("plate.toml")
     >>> grown = kaju.GrowthModel(scene, rule="stress", volume=0.5).run(10)
     >>> grown.history.columns.tolist()
     ['step', 'compliance_J', 'volume', 'change', 'iterations']

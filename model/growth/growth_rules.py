@@ -99,12 +99,7 @@ class GrowthRule:
     ...         carries = felt.energy > felt.energy.mean()
     ...         return np.clip(felt.design * np.where(carries, 1.1, 0.9), 0.01, 1.0)
     ...
-    >>> scene = kaju.Scene(
-    ...     body={"cells": [12, 8], "cell_size": 0.01, "material": "steel"},
-    ...     sides={"left": "rigid"},
-    ...     loads=[{"region": {"box": [[0.1, 0.0], [0.12, 0.02]]}, "force": [0.0, -1.0]}],
-    ... )
-    >>> grown = kaju.GrowthModel(scene, rule=Tenths()).run(5)
+    >>> grown = kaju.GrowthModel(kaju.load_scene("plate.toml"), rule=Tenths()).run(5)
     >>> len(grown.history)
     6
     """

@@ -566,20 +566,10 @@ def load_scene(path: str | Path, overrides: Mapping[str, Any] | None = None) -> 
 
     Examples
     --------
-    >>> import tempfile
-    >>> from pathlib import Path
-    >>> from kaju import Scene, load_scene
-    >>> scene = Scene(
-    ...     body={"cells": [5, 5], "cell_size": 0.01, "material": "steel"},
-    ...     sides={"bottom": "rigid"},
-    ...     loads=[{"cell": [2, 4], "force": [0.0, -2.0]}],
-    ... )
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     path = Path(folder) / "plate.toml"
-    ...     _ = path.write_text(scene.to_toml())
-    ...     load_scene(path) == scene
-    ...
-    True
+    >>> import kaju
+    >>> scene = kaju.load_scene("plate.toml", {"loads.0.force.1": -3.0})  # of `kaju new plate.toml`
+    >>> scene.loads[0].force
+    (0.0, -3.0)
     """
     hint = "; a scene is a TOML file (images: Scene.from_image, arrays: Scene.from_array)"
     text = text_of_file(path, SceneFileError, LONGEST, hint=hint)

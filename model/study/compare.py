@@ -189,15 +189,11 @@ def compare(result: Any, reference: Any, *, points: ArrayLike | None = None) -> 
 
     Examples
     --------
-    >>> from kaju import LoadModel, Scene, compare, solve
-    >>> scene = Scene(
-    ...     body={"cells": [5, 5], "cell_size": 0.01, "material": "steel"},
-    ...     sides={"bottom": "rigid"},
-    ...     loads=[{"cell": [2, 4], "force": [0.0, -2.0]}],
-    ... )
-    >>> rough = LoadModel(scene).run()
-    >>> print(f"{compare(rough, solve(scene)).displacement.misfit:.2f}")
-    0.57
+    >>> import kaju
+    >>> scene = kaju.load_scene("plate.toml")
+    >>> found = kaju.compare(kaju.LoadModel(scene).run(), kaju.solve(scene))
+    >>> print(f"{found.displacement.misfit:.2f}")
+    0.95
     """
     judged, believed = _comparable(result), _comparable(reference)
     if isinstance(judged, Reference):

@@ -131,11 +131,7 @@ def fit_rule(
     Examples
     --------
     >>> import kaju
-    >>> scene = kaju.Scene(
-    ...     body={"cell_size": 0.01, "cells": [6, 6], "material": "steel"},
-    ...     sides={"bottom": "rigid"},
-    ...     loads=[{"cell": [3, 5], "force": [0.0, -2.0]}],
-    ... )
+    >>> scene = kaju.load_scene("plate.toml")
     >>> fit = kaju.fit_rule(scene, quantity="stress", evaluations=60)
     >>> before, after = fit.misfit
     >>> after < before

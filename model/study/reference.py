@@ -47,16 +47,12 @@ class Reference(Stored):
     Examples
     --------
     >>> import numpy as np
-    >>> from kaju import Reference, Scene, compare, solve
-    >>> scene = Scene(
-    ...     body={"cells": [5, 5], "cell_size": 0.01, "material": "steel"},
-    ...     sides={"bottom": "rigid"},
-    ...     loads=[{"cell": [2, 4], "force": [0.0, -2.0]}],
-    ... )
-    >>> answer = solve(scene)
-    >>> points = np.array([[0.015, 0.035], [0.025, 0.045]])
-    >>> measured = Reference(points, 1.1 * answer.displacement_at(points), source="test: made up")
-    >>> print(f"{compare(answer, measured).displacement.misfit:.3f}")
+    >>> import kaju
+    >>> answer = kaju.solve(kaju.load_scene("plate.toml"))
+    >>> points = np.array([[0.055, 0.145], [0.105, 0.195]])
+    >>> larger = 1.1 * answer.displacement_at(points)
+    >>> measured = kaju.Reference(points, larger, source="test: made up")
+    >>> print(f"{kaju.compare(answer, measured).displacement.misfit:.3f}")
     0.091
     """
 

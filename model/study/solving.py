@@ -81,13 +81,8 @@ def solve(
 
     Examples
     --------
-    >>> from kaju import Scene, solve
-    >>> scene = Scene(
-    ...     body={"cells": [5, 5], "cell_size": 0.01, "material": "steel"},
-    ...     sides={"bottom": "rigid"},
-    ...     loads=[{"cell": [2, 4], "force": [0.0, -2.0]}],
-    ... )
-    >>> answer = solve(scene, tolerance=0.05)
+    >>> import kaju
+    >>> answer = kaju.solve(kaju.load_scene("plate.toml"), tolerance=0.05)
     >>> answer.tolerance_kept, answer.error_bound < 0.05
     ('proved', True)
     """

@@ -50,16 +50,11 @@ class Deflection(_Parsed):
 
     Examples
     --------
-    >>> from kaju import Deflection, Scene, solve
-    >>> scene = Scene(
-    ...     body={"cells": [5, 5], "cell_size": 0.01, "material": "steel"},
-    ...     sides={"bottom": "rigid"},
-    ...     loads=[{"cell": [2, 4], "force": [0.0, -2.0]}],
-    ... )
-    >>> down = Deflection((0.025, 0.05), along="y")
-    >>> answer = solve(scene, tolerance=0.02, goal=down)
-    >>> round(1e12 * answer.value_of(down))  # pm
-    -19
+    >>> import kaju
+    >>> down = kaju.Deflection((0.105, 0.2), along="y")
+    >>> answer = kaju.solve(kaju.load_scene("plate.toml"), tolerance=0.02, goal=down)
+    >>> round(1e9 * answer.value_of(down), 1)  # nm
+    -13.8
     """
 
     at: Place

@@ -102,17 +102,13 @@ class ElasticModel(SteppedModel):
 
     Examples
     --------
-    >>> from kaju import ElasticModel, Scene
-    >>> scene = Scene(
-    ...     body={"cells": [5, 5], "cell_size": 0.01, "material": "steel"},
-    ...     sides={"bottom": "rigid"},
-    ...     loads=[{"cell": [2, 4], "force": [0.0, -2.0]}],
-    ... )
-    >>> model = ElasticModel(scene.replace(rule={"kind": "elastic"}))
+    >>> import kaju
+    >>> scene = kaju.load_scene("plate.toml").replace(rule={"kind": "elastic"})
+    >>> model = kaju.ElasticModel(scene)
     >>> model.step()
     >>> result = model.run().result
-    >>> round(1e12 * result.max_displacement)  # pm
-    19
+    >>> round(1e9 * result.max_displacement, 1)  # nm
+    13.8
     """
 
     @by_name

@@ -70,13 +70,12 @@ QUOTED = (
 MACHINE = ("docs/work-precision.md", r"Measured on: .*?(?=\n\n)")
 
 
-def publish(folder: Path, found: Sequence[Measurement], conditions: dict[str, str]) -> None:
-    """Make what a folder holds the record, and let the documents quote it."""
+def publish(folder: Path, said: Sequence[str]) -> None:
+    """Make what a folder holds the record, and let the documents say so."""
     root = Path(__file__).parents[1]
     docs = root / "docs"
     copyfile(folder / "work_precision.csv", docs / "work_precision.csv")
     copyfile(folder / "work_precision.png", docs / "pictures" / "work_precision.png")
-    said = [*quotations(found, conditions["processor"]), measured_on(conditions)]
     for (name, pattern), words in zip([*QUOTED, MACHINE], said, strict=True):
         text = (root / name).read_text(encoding="utf-8")
         text = re.sub(pattern, lambda _, words=words: words, text, count=1, flags=re.DOTALL)
@@ -159,15 +158,9 @@ def draw(found: Sequence[Measurement], path: Path) -> Path:
                 ]
                 if points:
                     colour, marker, line = METHODS[method].style
-                    (handles[method],) = ax.loglog(
-                        *zip(*points, strict=True),
-                        color=colour,
-                        marker=marker,
-                        linestyle=line,
-                        linewidth=1.2,
-                        markersize=5,
-                        fillstyle="none" if line == "--" else "full",
-                    )
+                    fill = "none" if line == "--" else "full"
+                    look = {"color": colour, "fillstyle": fill, "lw": 1.2, "ms": 5}
+                    (handles[method],) = ax.loglog(*np.transpose(points), marker + line, **look)
             ax.grid(True, which="major", color="#e4e4e4", linewidth=0.6)
             ax.tick_params(labelsize=8, color=FAINT)
             if column == 0:
@@ -175,14 +168,9 @@ def draw(found: Sequence[Measurement], path: Path) -> Path:
         grid[0][column].set_title(name, loc="left", fontsize=11, fontweight="bold", color=INK)
         grid[-1][column].set_xlabel("largest error: smaller to the right", fontsize=9)
         grid[-1][column].invert_xaxis()
-    figure.legend(
-        list(handles.values()),
-        [METHODS[method].title for method in handles],
-        loc="outside lower center",
-        ncols=min(4, len(handles)),
-        fontsize=8,
-        frameon=False,
-    )
+    titles, where = [METHODS[method].title for method in handles], "outside lower center"
+    columns = min(4, len(handles))
+    figure.legend([*handles.values()], titles, loc=where, ncols=columns, fontsize=8, frameon=False)
     return save(figure, path)
 
 
@@ -196,25 +184,19 @@ def run(folder: Path, quick: bool, record: bool) -> None:
     table = folder / "work_precision.csv"
     found: list[Measurement] = []
     for job in jobs(quick):
-        found.append(in_a_fresh_process(*job))
+        found.append(m := in_a_fresh_process(*job))
         pd.DataFrame(map(asdict, found)).to_csv(table, index=False)  # as far as it has come
-        print(_line(found[-1]))
+        told = f"{m.problem:7} {m.method:14} {m.cells:9d} cells  {m.failure}"
+        if m.seconds is not None:
+            told += f"{m.seconds:9.4f} s  {m.memory:7.0f} MB  largest error {m.max_error:.1e}, "
+            told += f"r.m.s. {m.l2_error:.1e}"
+        print(told)
     conditions = environment()
-    words = f"{quotations(found, conditions['processor'])[1]}\n\n{measured_on(conditions)}\n"
-    (folder / "work_precision.md").write_text(words, encoding="utf-8")
+    said = [*quotations(found, conditions["processor"]), measured_on(conditions)]
+    (folder / "work_precision.md").write_text("\n\n".join(said[1:]) + "\n", encoding="utf-8")
     draw(found, folder / "work_precision.png")
     if record:
-        publish(folder, found, conditions)
-
-
-def _line(m: Measurement) -> str:
-    what = f"{m.problem:7} {m.method:14} {m.cells:9d} cells  "
-    if m.seconds is None:
-        return what + m.failure
-    return (
-        what + f"{m.seconds:9.4f} s  {m.memory:7.0f} MB  largest error {m.max_error:.1e}, "
-        f"r.m.s. {m.l2_error:.1e}"
-    )
+        publish(folder, said)
 
 
 if __name__ == "__main__":

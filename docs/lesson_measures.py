@@ -58,15 +58,8 @@ class Seen:
         """Return the answer of elasticity on the same cells."""
         return kaju.solve(self.scene)
 
-    @property
-    def stage(self) -> Any:
-        """Return the last stage of the rule's run."""
-        return self.run.last
-
-    @property
-    def top(self) -> int:
-        """Return the number of the uppermost row, counted from the ground."""
-        return int(self.scene.lattice.shape[1]) - 1
+    stage = property(lambda seen: seen.run.last)  # the last of the rule's run
+    top = property(lambda seen: int(seen.scene.lattice.shape[1]) - 1)  # row, from the ground
 
     def by_row(self, cells: NDArray[Any]) -> list[int]:
         """Return how many of the cells each row has, from the top to the last that has any."""
@@ -394,8 +387,6 @@ def claims(of: Lesson) -> Iterator[Claim]:
         preset = -1 if section == "Things to try" and of.scenes else 0
         for line in _blocks(section, text):
             preset += line.startswith("### ")
-            if line.startswith("### "):
-                continue
             for sentence in _SENTENCE.findall(line):
                 if marks := MARK.findall(sentence):
                     bare = MARK.sub("", sentence).replace("(1 − β)", "").strip()

@@ -68,9 +68,7 @@ def _page_question(of: Lesson, number: int) -> dict[str, Any]:
         "minutes": asked["en"].minutes,
         "kind": kind.get("kind", "number" if "answers" in kind else "text"),
         "question": {k: q.asks for k, q in asked.items()},
-        "note": {k: q.note for k, q in asked.items()},
-        "hint": {k: q.hint for k, q in asked.items()},
-        "write": {k: q.write for k, q in asked.items()},
+        **{p: {k: getattr(q, p) for k, q in asked.items()} for p in ("note", "hint", "write")},
         "answer": {k: text.answers[number] for k, text in of.texts.items()},
         "show": kind.get("show", {}) | {"preset": kind.get("preset", 0)},
     }
@@ -114,14 +112,11 @@ def tolerance(kind: dict[str, Any], field: int, value: float) -> float:
         return float(kind["tolerance"])
     if value == int(value):
         return 0.0
-    rounded = abs(float(f"{value:.2g}") - value) + 1e-6
-    return 5e-4 if kind.get("exact") else _rounded_up(max(0.02 * abs(value), rounded))
-
-
-def _rounded_up(value: float) -> float:
-    """Return the next number above that is read at a glance: 0.045 for 0.0444."""
-    step = 10.0 ** floor(log10(value)) / 2
-    return float(f"{step * ceil(value / step - 1e-6):.2g}")
+    if kind.get("exact"):
+        return 5e-4
+    off = max(0.02 * abs(value), abs(float(f"{value:.2g}") - value) + 1e-6)
+    step = 10.0 ** floor(log10(off)) / 2  # the next above that is read at a glance: 0.045
+    return float(f"{step * ceil(off / step - 1e-6):.2g}")
 
 
 def accepted(value: float, tolerance: float) -> str:

@@ -63,14 +63,8 @@ def local_stiffness(dimension: int, lateral: float, shear: float) -> Floats:
     unit, total = np.eye(dimension), 0.0
     for point in product((0.5 - 12**-0.5, 0.5 + 12**-0.5), repeat=dimension):
         factors = np.where(corners == 1, point, 1.0 - np.array(point))
-        slopes = np.stack(
-            [
-                np.where(corners[:, axis] == 1, 1.0, -1.0)
-                * np.delete(factors, axis, axis=1).prod(axis=1)
-                for axis in range(dimension)
-            ],
-            axis=1,
-        )
+        others = [np.delete(factors, axis, axis=1).prod(axis=1) for axis in range(dimension)]
+        slopes = np.where(corners == 1, 1.0, -1.0) * np.transpose(others)
         volume = lateral * np.einsum("ia,jb->iajb", slopes, slopes)
         crossed = shear * np.einsum("ib,ja->iajb", slopes, slopes)
         along = shear * np.einsum("ij,ab->iajb", slopes @ slopes.T, unit)

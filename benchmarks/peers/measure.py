@@ -11,6 +11,7 @@ import sys
 import time
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, replace
+from importlib.util import find_spec
 from pathlib import Path
 
 from .methods import METHODS, Sized
@@ -58,8 +59,7 @@ def jobs(quick: bool) -> Iterator[tuple[str, str, int]]:
 def in_a_fresh_process(problem: str, method: str, division: int) -> Measurement:
     """Measure a job in a process of its own; whatever goes wrong there is its `failure`."""
     nothing = Measurement(problem, method, division, cells_of(problem, division))
-    missing = METHODS[method].missing
-    if missing:
+    if missing := [package for package in METHODS[method].needs if find_spec(package) is None]:
         return replace(nothing, failure=f"{' and '.join(missing)} not installed")
     command = [sys.executable, "-m", "peers.measure", problem, method, str(division)]
     try:
@@ -83,13 +83,12 @@ def cells_of(problem: str, division: int) -> int:
 def measure(problem: str, method: str, division: int) -> Measurement:
     """Measure a job in this process: warm up, run, compare with the truth."""
     body, compared = PROBLEMS[problem], METHODS[method]
-    compared.prepare(body, min(compared.divisions[problem]))()()  # compiles and imports
-    job = compared.prepare(body, division)
+    compared.answer(body, min(compared.divisions[problem]))()  # compiles and imports
     before = _peak()
     times: list[float] = []
     while len(times) < (1 if times and times[0] > LONG else REPEATS):
         began = time.process_time()
-        answer = job()
+        answer = compared.answer(body, division)
         times.append(time.process_time() - began)
     memory = _peak() - before
     max_error, l2_error = body.error(answer())

@@ -1,8 +1,8 @@
 """The methods that are compared: kaju's solver on equal cells and by agents, finite elements.
 
 Each takes a problem and how often the picture's cells are split, and answers with a function that
-looks up the displacements at the problem's points. What is timed starts from the description and
-ends with the displacements of the whole body: cells or mesh, assembly, set-up, solution.
+looks up the displacements at the problem's points; that is not timed. What is timed starts from the
+description and ends with the displacements of the whole body: cells or mesh, assembly, solution.
 """
 
 from __future__ import annotations
@@ -21,7 +21,6 @@ from .bilinear import Solver
 from .problems import Problem
 
 Answer = Callable[[], Floats]  # Looks up the displacements at the problem's points
-Prepare = Callable[[Problem, int], Callable[[], Answer]]
 
 SPAWNED = 0.4  # Tolerance of agents that spawn, times the division
 ESTIMATED = 1.6  # Estimated error at which quadratic elements end, times the division
@@ -33,19 +32,12 @@ class Method:
 
     name: str
     title: str  # For files and for people
-    prepare: Prepare
-    """Takes problem and division and returns the job, a function without arguments, that is timed.
-    The job returns a function that looks the answer up."""
+    answer: Callable[[Problem, int], Answer]  # Takes problem and division; it is timed
     divisions: Mapping[str, tuple[int, ...]]
     """By problem, into how many parts every edge of the picture's cells is split."""
     quick: int  # Cells of the largest body in a short look
     style: tuple[str, str, str]  # Colour, marker and line in the picture
     needs: tuple[str, ...] = ()  # Packages that must be installed
-
-    @property
-    def missing(self) -> tuple[str, ...]:
-        """Packages that are needed and not installed."""
-        return tuple(package for package in self.needs if find_spec(package) is None)
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,41 +53,24 @@ class Sized:
         return self.at(self.points)
 
 
-def equal_cells(problem: Problem, division: int) -> Callable[[], Answer]:
+def equal_cells(problem: Problem, division: int) -> Answer:
     """Let `kaju.solve` answer on equal cells."""
-
-    def job() -> Answer:
-        result: Any = kaju.solve(problem.scene(division), resolution=1)
-        return lambda: result.displacement_at(problem.points)
-
-    return job
+    result: Any = kaju.solve(problem.scene(division), resolution=1)
+    return lambda: result.displacement_at(problem.points)
 
 
-def spawning(problem: Problem, division: int) -> Callable[[], Answer]:
+def spawning(problem: Problem, division: int) -> Answer:
     """Let agents spawn to a tolerance that falls as the equal cells' error does."""
-
-    def job() -> Answer:
-        result: Any = kaju.solve(problem.scene(1), SPAWNED / division)
-        return Sized(result.agents, result.displacement_at, problem.points)
-
-    return job
+    result: Any = kaju.solve(problem.scene(1), SPAWNED / division)
+    return Sized(result.agents, result.displacement_at, problem.points)
 
 
-def elements(solver: Solver, problem: Problem, division: int) -> Callable[[], Answer]:
-    """Let bilinear elements answer on the same cells."""
-    return lambda: bilinear.solve(problem, division, solver)
-
-
-def adaptive(problem: Problem, division: int) -> Callable[[], Answer]:
+def adaptive(problem: Problem, division: int) -> Answer:
     """Let quadratic triangles be refined from a coarse start; every mesh on the way counts."""
     solver: Solver = "pardiso" if find_spec("pypardiso") else "superlu"
-
-    def job() -> Answer:
-        answers = quadratic.adaptive(problem, solver)
-        last = next(a for a in answers if a.error_estimate <= ESTIMATED / division)
-        return Sized(last.mesh.nelements, last.at, problem.points)
-
-    return job
+    answers = quadratic.adaptive(problem, solver)
+    last = next(a for a in answers if a.error_estimate <= ESTIMATED / division)
+    return Sized(last.mesh.nelements, last.at, problem.points)
 
 
 def _on(plate: int, block: int, pixels: int, first: int = 1) -> dict[str, tuple[int, ...]]:
@@ -117,15 +92,15 @@ METHODS = {
             ("#0b5394", "o", "--"),
         ),
         Method(
-            "superlu", "bilinear elements, SuperLU", partial(elements, "superlu"),
+            "superlu", "bilinear elements, SuperLU", partial(bilinear.solve, solver="superlu"),
             _on(16, 2, 16, first=2), 102_400, ("#7a7a7a", "x", "-"),
         ),
         Method(
-            "pardiso", "bilinear elements, PARDISO", partial(elements, "pardiso"),
+            "pardiso", "bilinear elements, PARDISO", partial(bilinear.solve, solver="pardiso"),
             _on(32, 4, 32, first=2), 102_400, ("#7a7a7a", "*", "--"), ("pypardiso",),
         ),
         Method(
-            "pyamg", "bilinear elements, pyamg", partial(elements, "pyamg"),
+            "pyamg", "bilinear elements, pyamg", partial(bilinear.solve, solver="pyamg"),
             _on(32, 4, 32, first=2), 102_400, ("#b2340b", "+", "-"), ("pyamg",),
         ),
         Method(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple, cast
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -107,22 +107,15 @@ def space_for(
     low, high = box.lower * edge, box.upper * edge
     faces = low + _FACES * (high - low)
     corners = low + corner_order(3) * (high - low)
-    frame = Line3DCollection(corners[_EDGES], colors=FAINT, linewidths=0.7, zorder=2)
-    frame.set_gid("outline")
-    space.add_collection3d(frame)
+    rims = corners[_EDGES]
+    space.add_collection3d(Line3DCollection(rims, colors=FAINT, lw=0.7, zorder=2, gid="outline"))
     for number, side in enumerate(scene.lattice.sides):
         axis, upper = divmod(number, 2)
         at_side = (box.upper[axis] == scene.lattice.shape[axis]) if upper else box.lower[axis] == 0
         if scene.side_condition(side).kind != "free" and at_side:
-            ground = Poly3DCollection(
-                faces[number][None],
-                facecolors=(0.8, 0.8, 0.8, 0.35),
-                edgecolors=FAINT,
-                hatch="////",
-                zorder=1,
-            )
-            ground.set_gid(f"support {side}")
-            space.add_collection3d(ground)
+            look: dict[str, Any] = {"facecolors": (0.8, 0.8, 0.8, 0.35), "edgecolors": FAINT}
+            look |= {"hatch": "////", "zorder": 1, "gid": f"support {side}"}
+            space.add_collection3d(Poly3DCollection(faces[number][None], **look))
     for name, first, last in zip("xyz", low.tolist(), high.tolist(), strict=True):
         getattr(space, f"set_{name}lim")(first, last)
         axis3d = getattr(space, f"{name}axis")
@@ -161,9 +154,7 @@ def plot_body_in_space(scene: Scene, ax: Axes | None = None) -> Axes:
     edge = scene.lattice.cell_size * box.block
     drawn = draw_voxels(space, voxels[body], edge, palette[kind[body] % len(BODY)])
     drawn.set_gid("body")
-    names = [material.name for material in scene.cell_materials]
-    legend(
-        space, [Patch(fc=BODY[i % len(BODY)], ec=INK, label=name) for i, name in enumerate(names)]
-    )
+    materials = enumerate(scene.cell_materials)
+    legend(space, [Patch(fc=BODY[i % len(BODY)], ec=INK, label=m.name) for i, m in materials])
     caption(space, "The scene", [*notes, *box.notes])
     return cast("Axes", space)

@@ -216,9 +216,7 @@ def plot_cuts(result: BodyResult, ax: Axes | None = None, *, axis: str | None = 
     ends = frame_cuts(ax, cuts, upright)
     if upright and len(cuts.at) <= 24 and np.isfinite(ends).all():
         seen = np.abs(cuts.carried) > KEPT * np.abs(ends).max()
-        told = [
-            f"{force:.4g}" if told else "" for force, told in zip(cuts.carried, seen, strict=True)
-        ]
+        told = [f"{n:.4g}" if kept else "" for n, kept in zip(cuts.carried, seen, strict=True)]
         look = {"fontsize": 7, "color": FAINT, "bbox": {"fc": "white", "ec": "none", "pad": 0.5}}
         ax.bar_label(bars, told, padding=6, **look)
         ax.margins(x=0.12)

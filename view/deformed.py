@@ -157,18 +157,10 @@ def draw_deformed(
     picture.ax.add_collection(LineCollection(list(surface), gid="at rest", **rest))
     picture.entries.append(Line2D([], [], color=FAINT, lw=0.7, ls="--", label="outline at rest"))
     large = tiles.edge > section.span / OUTLINED
-    drawn = add_polygons(
-        picture.ax,
-        tiles.rest + factor * tiles.moved,
-        "moved",
-        array=tiles.value,
-        cmap=SIZE,
-        norm=Normalize(0.0, most or 1.0),
-        edgecolors="#8a8a8a",
-        linewidths=np.where(large, 0.4, 0.0),
-        antialiaseds=large,
-        zorder=3,
-    )
+    look: dict[str, Any] = {"cmap": SIZE, "norm": Normalize(0.0, most or 1.0), "zorder": 3}
+    look |= {"edgecolors": "#8a8a8a", "linewidths": np.where(large, 0.4, 0.0)}
+    look |= {"array": tiles.value, "antialiaseds": large}
+    drawn = add_polygons(picture.ax, tiles.rest + factor * tiles.moved, "moved", **look)
     if section.curves is not None:
         section.curves.clip(drawn, factor * share)
     if most > 0.0:

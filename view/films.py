@@ -162,8 +162,7 @@ def _write_mp4(shown: Iterator[Image.Image], path: Path, fps: float, hold: float
 
 def ffmpeg(target: Path) -> str:
     """Return the program that makes MP4: the system's, or the one that a wheel ships."""
-    found = shutil.which("ffmpeg")
-    if found is not None:
+    if found := shutil.which("ffmpeg"):
         return found
     with needing(
         f"{target}: MP4 needs the program ffmpeg: pip install 'kaju[film]', or install it "

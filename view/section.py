@@ -244,8 +244,7 @@ class Section:
             shown.append(f"cut at {'xyz'[self.cut[0]]} = {quantity(self.place, 'm')}")
         if self.cropped:
             seen = np.minimum(self.upper, shape[[*self.axes]]) - np.maximum(self.lower, 0)
-            part = " × ".join(grouped(n) for n in seen)
-            whole = " × ".join(grouped(n) for n in shape[[*self.axes]])
+            part, whole = (" × ".join(map(grouped, n)) for n in (seen, shape[[*self.axes]]))
             shown.append(f"cropped to {part} of {whole} cells")
         if self.block > 1 and self.tiled:
             shown.append(f"each tile stands for {self.block} × {self.block} cells")

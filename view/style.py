@@ -156,19 +156,9 @@ def caption(ax: Axes, title: str, notes: Sequence[str]) -> Text:
     lines = [line for note in notes if note for line in wrap(note, letters)]
     pad = 6.0 + 10.6 * len(lines)
     ax.set_title(title, loc="left", fontsize=11, fontweight="bold", color=INK, pad=pad)
-    text = ax.annotate(
-        "\n".join(lines),
-        xy=(0.0, 1.0),
-        xycoords="axes fraction",
-        xytext=(0.0, 5.0),
-        textcoords="offset points",
-        va="bottom",
-        fontsize=8,
-        color=FAINT,
-        linespacing=1.25,
-        annotation_clip=False,
-    )
-    text.set_gid("notes")
+    look: dict[str, Any] = {"va": "bottom", "fontsize": 8, "color": FAINT, "linespacing": 1.25}
+    look |= {"xycoords": "axes fraction", "textcoords": "offset points", "gid": "notes"}
+    text = ax.annotate("\n".join(lines), (0.0, 1.0), (0.0, 5.0), annotation_clip=False, **look)
     text.set_in_layout(False)  # its height is in the title's pad; its width may overhang
     return text
 
@@ -189,9 +179,7 @@ def label_axis(axis: Axis, name: str, values: Sequence[float], unit: str) -> Non
     axis.set_major_locator(MaxNLocator(6, steps=[1, 2, 2.5, 5, 10]))
     still = 1e-9 * span  # what rounding leaves of a zero
     axis.set_major_formatter(
-        FuncFormatter(
-            lambda value, _: scale.text(0.0 if abs(value - offset) < still else value - offset)
-        )
+        lambda value, _: scale.text(0.0 if abs(value - offset) < still else value - offset)
     )
     axis.set_label_text(f"{name} ({scale.unit})" if scale.unit else name, fontsize=9)
     axis.set_tick_params(labelsize=8, color=FAINT)
@@ -244,18 +232,11 @@ def legend(ax: Axes, handles: Sequence[Artist]) -> None:
     if not handles:
         return
     below = ax.transAxes + ScaledTranslation(0.0, -34.0 / 72.0, figure_of(ax).dpi_scale_trans)
-    ax.legend(
-        handles=list(handles),
-        loc="upper left",
-        bbox_to_anchor=(0.0, 0.0),
-        bbox_transform=below,
-        ncols=_columns(figure_of(ax), handles),
-        fontsize=8,
-        frameon=False,
-        borderaxespad=0.0,
-        handlelength=1.4,
-        columnspacing=1.4,
-    )
+    columns = _columns(figure_of(ax), handles)
+    place = {"loc": "upper left", "bbox_to_anchor": (0.0, 0.0), "bbox_transform": below}
+    look: dict[str, Any] = {"fontsize": 8, "frameon": False, "borderaxespad": 0.0}
+    look |= place | {"ncols": columns, "handlelength": 1.4, "columnspacing": 1.4}
+    ax.legend(handles=list(handles), **look)
 
 
 # Corners of an arrow: how far along it from the head backwards, in head lengths (-1: at the

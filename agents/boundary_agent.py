@@ -45,8 +45,11 @@ class BoundaryAgent(PlacedAgent):
         engine = self.model.engine
         back = self.give_back(load, arm)
         if back is not None and engine.own_boundaries:
-            back = engine.guard.checked_return(self, load, back)
+            back = engine.guard.load(self, "give_back", back, 0)
         came, given = load.total, 0.0 if back is None else back.total
+        if given > came * (1.0 + 1e-12) and engine.own_boundaries:
+            told = f"gives back {given:g} N of {came:g} N; a boundary cannot add load: describe"
+            raise engine.guard.wrong(self, "give_back", f"{told} that as a load of the scene")
         self.taken[load.direction] += came
         self.passed[engine.opposite[arm]] += given
         self.kept += came - given

@@ -221,14 +221,6 @@ class OwnAgents:
         self._check_fit(agent, hook, load, {"arm": arm, **parts})
         return Load(int(direction), float(magnitude), float(copies), sense)
 
-    def checked_return(self, boundary: BoundaryAgent, load: Load, back: Any) -> Load:
-        """Return what a boundary gives back; refuse what is no load, or larger than the load."""
-        checked = self.load(boundary, "give_back", back, 0)
-        if checked.total > load.total * (1.0 + 1e-12):
-            what = f"gives back {checked.total:g} N of {load.total:g} N; a boundary cannot add load"
-            raise self.wrong(boundary, "give_back", f"{what}: describe that as a load of the scene")
-        return checked
-
     def shortening(self, agent: MaterialAgent, axis: int) -> float:
         """Return how far an agent yields along an axis; refuse what is no number."""
         far = agent.shortening(axis)
@@ -245,8 +237,7 @@ class OwnAgents:
         fits = {n: isinstance(parts[n], Integral | str) and parts[n] in known[n] for n in known}
         sizes = [name for name in parts if name not in known]
         fits |= {name: is_number(parts[name]) and parts[name] >= 0.0 for name in sizes}
-        unfit = ", ".join(name for name in fits if not fits[name])
-        if not unfit:
+        if not (unfit := ", ".join(name for name in fits if not fits[name])):
             return
         does = "returned" if hook == "emissions" else "hands over"
         own = f"an arm of {arms}, " if isinstance(agent, MaterialAgent) else ""

@@ -113,12 +113,6 @@ class SteppedModel(Model):
 
     _acted = property(lambda model: model.generation > 0, doc="Whether agents have acted.")
 
-    @property
-    def seed_drawn_from(self) -> int | None:
-        """The seed, if random numbers have been drawn."""
-        now = self.rng.bit_generator.state, self.random.getstate()
-        return None if self.seed is None or now == self.first_states else self.seed
-
     def act_once(self, step: Callable[[], None]) -> None:
         """Take one `step`, of this class or a subclass, with what comes before and after it."""
         step()

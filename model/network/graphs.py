@@ -194,8 +194,7 @@ def _vectors(
     if not rows:
         return None
     stages = max(len(row) for row in rows.values())
-    wrong = [node for node, row in rows.items() if len(row) not in (1, stages)]
-    if wrong:
+    if wrong := [node for node, row in rows.items() if len(row) not in (1, stages)]:
         raise SceneError(
             f"node {list(number)[wrong[0]]!r}, {key}: has {len(rows[wrong[0]])} stages, others "
             f"have {stages}; give one vector for all stages or one for each"

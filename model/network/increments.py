@@ -160,8 +160,7 @@ class NetworkModel(Stepper[NetworkResult]):
         except SingularTangentError as weakness:
             raise self._gives_way(last, weakness) from None
         displacement = last.displacement + jump + step
-        complaint = self._leap(last.displacement, displacement)
-        if complaint:
+        if complaint := self._leap(last.displacement, displacement):
             raise ConvergenceError(
                 f"between stage {last.stage:.6g} and {goal:.6g} {complaint}: take more than "
                 f"{self.increments} increments, or correct them (solve)"
@@ -208,8 +207,7 @@ class NetworkModel(Stepper[NetworkResult]):
             force_scale=self._force_scale,
             tolerance=self.tolerance,
         )
-        complaint = self._leap(last.displacement, balance.displacement)
-        if complaint:
+        if complaint := self._leap(last.displacement, balance.displacement):
             raise JumpError(complaint)
         self._force_scale = max(self._force_scale, float(np.abs(balance.tension).max()))
         return balance._replace(stage=target)

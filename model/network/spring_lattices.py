@@ -20,7 +20,7 @@ from kaju.arrays import Flags, Floats, Ints
 from kaju.errors import ParameterError, require
 from kaju.model.scene.curves import cross
 
-from .springs import SpringNetwork, Springs, with_some
+from .springs import SpringNetwork, with_some
 
 
 def triangular(
@@ -160,7 +160,7 @@ def _nodes(width: int, rows: int, spacing: float) -> tuple[Ints, Ints, Floats]:
     return row, place, spacing * np.stack([across, height], axis=1)
 
 
-def _triangular_springs(row: Ints, place: Ints) -> Springs:
+def _triangular_springs(row: Ints, place: Ints) -> Ints:
     """Return the springs along the rows, and from each row to the next."""
     number = np.full((row.max() + 2, place.max() + 2), -1, dtype=np.int64)  # -1: beyond the lattice
     number[row, place] = np.arange(len(row))
@@ -171,5 +171,5 @@ def _triangular_springs(row: Ints, place: Ints) -> Springs:
     return every[every[:, 1] >= 0]
 
 
-def _pairs(first: Ints, second: Ints) -> Springs:
+def _pairs(first: Ints, second: Ints) -> Ints:
     return np.stack([first.ravel(), second.ravel()], axis=1)

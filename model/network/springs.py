@@ -18,13 +18,11 @@ from pydantic import AfterValidator, PlainSerializer
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from kaju.arrays import Flags, Floats, without_rows
+from kaju.arrays import Flags, Floats, Ints, without_rows
 from kaju.errors import ParameterError, ResultError, SceneError, SupportError
 from kaju.model.results.stored import Column
 
 from .graphs import Vectors, graph_of, read_graph
-
-Springs = NDArray[np.int64]
 
 
 def as_stages(
@@ -176,7 +174,7 @@ def _spring(network: SpringNetwork, spring: int) -> str:
     return f"spring {spring} between the nodes {first!r} and {second!r}"
 
 
-def spring_lengths_and_directions(positions: Floats, springs: Springs) -> tuple[Floats, Floats]:
+def spring_lengths_and_directions(positions: Floats, springs: Ints) -> tuple[Floats, Floats]:
     """Return length (m) and unit direction, from its second node to its first, of every spring."""
     ends = positions[springs[:, 0]] - positions[springs[:, 1]]
     lengths = np.sqrt(np.einsum("ij,ij->i", ends, ends))
@@ -260,7 +258,7 @@ class SpringNetwork:
     """
 
     positions: Annotated[Floats, Column("nodes dimension")]
-    springs: Annotated[Springs, Column("springs 2", 0, "nodes")]
+    springs: Annotated[Ints, Column("springs 2", 0, "nodes")]
     stiffness: Annotated[Floats, Column("springs", 0.0)]
     rest_length: Annotated[Floats, Column("springs", 0.0)]
     held: Annotated[Flags, Column("nodes dimension")]

@@ -91,8 +91,7 @@ def read_stored(path: str | Path, class_of: Callable[[str], Any], others: str) -
             f"{about.get('format')!r} of the format, and kaju {__version__} reads {FORMAT}: read "
             "it with that kaju, or compute it again"
         )
-    kind = class_of(about["kind"])
-    if kind is None:
+    if (kind := class_of(about["kind"])) is None:
         raise ResultFileError(f"{path}: holds a result of kind {about['kind']!r}, {others}")
     with reading(path):
         return read(kind, about, "", arrays, {})

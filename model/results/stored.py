@@ -208,8 +208,7 @@ def _holding(kind: type, plain: Any, name: str) -> Any:
 
 def _plain(form: Any, plain: Any, name: str) -> Any:
     """Return a value that JSON holds, if it is of a form."""
-    odd = _odd_number(plain)
-    if odd is not None:
+    if (odd := _odd_number(plain)) is not None:
         raise _wrong(name, f"must hold numbers of 64 bits, and holds {odd:.3g}")
     try:
         return _adapter(form).validate_json(json.dumps(plain), strict=True)

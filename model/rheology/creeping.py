@@ -161,16 +161,12 @@ class CreepModel(Stepper[AnyTimeResult]):
 
     def advance(self) -> None:
         """Go on to the next of the times asked for."""
-        self._see(next(self._ahead))
-        self.running = self.moment < self._asked[-1]
-
-    def _see(self, state: Reached) -> None:
-        """Keep what the result has of a moment."""
-        self._state = state
+        state = self._state = next(self._ahead)
         stored = self._system.stored(state.fields) - self._stored_first
         energies = (state.work, stored, state.dissipated, state.numerical, state.at_jumps)
         record = {name: part.copy() for name, part in self._system.record(state.fields).items()}
         self._moments.append((state.time, energies, record))
+        self.running = self.moment < self._asked[-1]
 
     def progress(self) -> str:
         """Return the line of progress."""

@@ -70,7 +70,10 @@ class PetscLevel:
 def levels_of(shape: tuple[int, ...], comm: Any) -> list[PetscLevel]:
     """Return the levels of the hierarchy of a body of so many cells, the finest first."""
     size = comm.getSize()
-    parts = _processes(shape, size)
+    # Into how many parts each axis is cut, so that the cuts are small.
+    every = product(range(1, size + 1), repeat=len(shape))
+    fits = [parts for parts in every if int(np.prod(parts)) == size]
+    parts = min(fits, key=lambda parts: (float(np.sum(np.divide(parts, shape))), parts))
     enough = all(n >= (HALO * p if p > 1 else 1) for n, p in zip(shape, parts, strict=True))
     told = f"{' x '.join(map(str, shape))} cells cannot be cut for {size} processes: each needs"
     require(enough, f"solve_petsc: {told} {HALO} or more along every axis; start fewer")
@@ -84,13 +87,6 @@ def levels_of(shape: tuple[int, ...], comm: Any) -> list[PetscLevel]:
         shapes.append(coarser)
     cuts = _cuts(shapes, parts)
     return [_level(s, c, parts, comm, HALO if k == 0 else 1) for k, (s, c) in enumerate(cuts)]
-
-
-def _processes(shape: tuple[int, ...], size: int) -> tuple[int, ...]:
-    """Return into how many parts each axis is cut, so that the cuts are small."""
-    every = product(range(1, size + 1), repeat=len(shape))
-    fits = [parts for parts in every if int(np.prod(parts)) == size]
-    return min(fits, key=lambda parts: (float(np.sum(np.divide(parts, shape))), parts))
 
 
 def _cuts(

@@ -482,8 +482,7 @@ def read_path(text: str, enlarge: bool = False) -> list[Floats]:
     start: Place = (0.0, 0.0)
     here, handle, command, last, place = start, start, "", "", 0
     while text[place:].strip(" \t\r\n,"):
-        found = _PARTS[0].match(text, place)
-        if found:
+        if found := _PARTS[0].match(text, place):
             command, place = found[1], found.end()
         elif command in ("M", "m"):  # further places of a move are lines
             command = "L" if command == "M" else "l"

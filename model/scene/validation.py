@@ -284,8 +284,7 @@ def _places(text: str) -> Iterator[tuple[str, int]]:
         for quotes in ('"""', "'''"):
             if line.count(quotes) % 2:
                 open_quotes = quotes
-        header = re.match(r"\s*(\[\[?)\s*([^\[\]]+?)\s*\]\]?\s*(#.*)?$", line)
-        if header:
+        if header := re.match(r"\s*(\[\[?)\s*([^\[\]]+?)\s*\]\]?\s*(#.*)?$", line):
             head = _unquoted(header[2])
             if header[1] == "[[":
                 if head not in items:
@@ -294,8 +293,7 @@ def _places(text: str) -> Iterator[tuple[str, int]]:
                 head = f"{head}.{items[head]}"
             yield head, number
             continue
-        entry = re.match(r"\s*([\w.\"' -]+?)\s*=", line)
-        if entry:
+        if entry := re.match(r"\s*([\w.\"' -]+?)\s*=", line):
             key = _unquoted(entry[1])
             yield (f"{head}.{key}" if head else key), number
 

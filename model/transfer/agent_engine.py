@@ -243,8 +243,7 @@ class AgentEngine:
             raise self.guard.wrong(agent, "shares", f"must have kaju.Shares, has {brief(shares)}")
         sent = self._sent.get((shares, form))
         if sent is None:
-            problem = check_shares(shares, self.two_senses)
-            if problem:
+            if problem := check_shares(shares, self.two_senses):
                 raise self.guard.wrong(agent, "shares", problem)
             if len(self._sent) > MOST_REMEMBERED:
                 self._sent.clear()

@@ -210,7 +210,8 @@ class LoadModel(SteppedModel):
         with noting_agents():
             walls = self._own["boundary_agents"] or {}
             names = {kind: wall.__name__ for kind, wall in walls.items()}
-            seed = self.seed_drawn_from
+            drawn = (self.rng.bit_generator.state, self.random.getstate()) != self.first_states
+            seed = self.seed if drawn else None
             return replace(self.course.result(), own_boundaries=names, seed=seed)
 
     _acted = property(attrgetter("engine.acted"), doc="Whether agents have acted in this step.")

@@ -170,8 +170,7 @@ class TransferResult(BodyResult):
     def _caveats(self) -> list[tuple[str, str]]:
         """What is approximate, in a few words and in full."""
         found = [("forces do not balance", NO_EQUILIBRIUM)]
-        off = [stage for stage in self.stages if not stage.ledger.imbalance <= BOOKS]
-        if off:
+        if off := [stage for stage in self.stages if not stage.ledger.imbalance <= BOOKS]:
             worst = max(off, key=lambda stage: stage.ledger.imbalance)
             said = not_balanced(counted(worst.generations, "generation"), worst.ledger.imbalance)
             if len(self.stages) > 1:

@@ -39,8 +39,7 @@ def check_supports(
     owner, stops = _stops(problem, parts)
     for part in range(1, count + 1):
         rows = stops[owner == part]
-        motion = free_motion(rows, problem.dimension)
-        if motion:
+        if motion := free_motion(rows, problem.dimension):
             cell = np.argwhere(parts == part)[0] - 1
             first = np.zeros(problem.dimension, int) if origin is None else np.asarray(origin)
             raise unheld((cell + first) // division, motion, touched=len(rows) > 0)

@@ -125,7 +125,7 @@ class SteppedModel(Model):
     def datacollector(self) -> DataCollector:
         """The figures after every step, as Mesa keeps them."""
         if self._collector is None:
-            self._collector = DataCollector({name: name for name in self.figures()})
+            self._collector = _Figures({name: name for name in self.figures()})
         noted, self._noted = self._noted, []
         for each in noted:
             self._collector.collect(each)
@@ -169,6 +169,14 @@ class SteppedModel(Model):
 COLLECTS = "datacollector: a model collects after every step itself; leave collect() out of step"
 
 
+class _Figures(DataCollector):
+    """What notes the figures that a model hands it, and is not to be asked to note a model."""
+
+    def collect(self, model: Any) -> None:
+        require(not isinstance(model, Model), COLLECTS)
+        super().collect(model)
+
+
 def _anew(collector: Any) -> Any:
     """Return a collector of Mesa's with its reporters and no data; of another kind the same."""
     if isinstance(collector, DataCollector):
@@ -210,8 +218,6 @@ def noting_agents() -> Iterator[None]:
     try:
         yield
     except Exception as error:
-        if "non-existent attribute" in str(error):  # Mesa's collector, asked for a model's figures
-            error.add_note(COLLECTS)
         called = ""
         for frame, _ in walk_tb(error.__traceback__):
             agent, hook = frame.f_locals.get("self"), frame.f_code.co_name

@@ -216,6 +216,8 @@ def packed_page(
         if not certificate.known and last.outcome:  # nobody knew before the run; now it is known
             stable = last.outcome.startswith("at rest")
             verdict = last.outcome + (f", {len(last.cells)} agents" if stable else "")
+            idle = [told for told in shown.caveats_in_brief if told.startswith("no load reached")]
+            verdict = "; ".join([verdict, *idle])
         header |= {
             "kind": "recorded",
             "outcome": last.outcome,

@@ -53,16 +53,12 @@ BED, SOFT, HARD = ({"stiffness": k} for k in (1e11, 1e8, 1e13))
 
 
 @pytest.mark.parametrize("bed", [SOFT, BED, HARD], ids=["soft", "bed", "hard"])
-@pytest.mark.parametrize(
-    "load",
-    [
-        {"side": "bottom", "force": [-1e3, 0.0]},
-        {"side": "bottom", "force": [0.0, -1e3]},
-        {"cell": [2, 0], "side": "right", "force": [0.0, -1e3]},
-        {"cell": [0, 0], "force": [-1e3, -0.9e3]},
-    ],
-    ids=["along", "onto", "beside", "within"],
-)
+@pytest.mark.parametrize("load", [
+    {"side": "bottom", "force": [-1e3, 0.0]},
+    {"side": "bottom", "force": [0.0, -1e3]},
+    {"cell": [2, 0], "side": "right", "force": [0.0, -1e3]},
+    {"cell": [0, 0], "force": [-1e3, -0.9e3]},
+], ids=["along", "onto", "beside", "within"])  # fmt: skip
 def test_whatever_loads_a_bed_is_proved(bed, load):
     result = solve(held({"bottom": bed, "left": "roller"}, [load]), tolerance=0.2)
     assert result.tolerance_kept == "proved"

@@ -75,14 +75,11 @@ def test_one_command_writes_figures_and_words(scene, tmp_path, study, typed):
     assert found == expected == json.loads((out / "comparison.json").read_text())
 
 
-@pytest.mark.parametrize(
-    ("words", "told"),
-    [
-        (["plate.npz"], "REFERENCE: is needed"),
-        (["a.npz", "b.npz", "--resolution", "2"], "--resolution: belongs to a scene"),
-        (["SCENE", "other"], "a scene is compared with elasticity"),
-    ],
-)
+@pytest.mark.parametrize(("words", "told"), [
+    (["plate.npz"], "REFERENCE: is needed"),
+    (["a.npz", "b.npz", "--resolution", "2"], "--resolution: belongs to a scene"),
+    (["SCENE", "other"], "a scene is compared with elasticity"),
+])  # fmt: skip
 def test_what_does_not_belong_together_is_refused(scene, tmp_path, monkeypatch, words, told, typed):
     monkeypatch.chdir(tmp_path)
     with pytest.raises(KajuError, match=told):

@@ -42,14 +42,11 @@ def test_coefficients_that_made_the_reference_are_found_again():
     assert again.misfit[0] == fit.misfit[0]
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        ({"quantity": "strain"}, "quantity: must be 'displacement' or 'stress', got 'strain'"),
-        ({"evaluations": 3}, "evaluations: must be 10 or more"),
-        ({"quantity": "displacment"}, "did you mean 'displacement'"),
-    ],
-)
+@pytest.mark.parametrize(("arguments", "message"), [
+    ({"quantity": "strain"}, "quantity: must be 'displacement' or 'stress', got 'strain'"),
+    ({"evaluations": 3}, "evaluations: must be 10 or more"),
+    ({"quantity": "displacment"}, "did you mean 'displacement'"),
+])  # fmt: skip
 def test_wrong_arguments_are_named(arguments, message):
     with pytest.raises(ParameterError, match=message):
         fit_rule(plate(), **arguments)

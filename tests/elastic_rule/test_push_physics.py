@@ -199,14 +199,11 @@ def test_what_is_taken_is_passed_on_whole(ratio, shape):
     assert 0.0 < shares.poisson < 0.5
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        ({"threshold": 0.0}, "threshold: must be a load above 0 N, got 0.0"),
-        ({"share": 0.5}, "share: belongs to the order 'wave'"),
-        ({"tolerance": 2.0}, "tolerance: must lie between 0 and 1, got 2.0"),
-    ],
-)
+@pytest.mark.parametrize(("arguments", "message"), [
+    ({"threshold": 0.0}, "threshold: must be a load above 0 N, got 0.0"),
+    ({"share": 0.5}, "share: belongs to the order 'wave'"),
+    ({"tolerance": 2.0}, "tolerance: must lie between 0 and 1, got 2.0"),
+])  # fmt: skip
 def test_a_rule_out_of_range_is_refused(arguments, message):
     with pytest.raises(ParameterError, match=message):
         ElasticRule(**arguments)

@@ -93,21 +93,18 @@ def test_space_offers_the_same():
     assert len({tuple(answer.to_dataframe().columns) for answer in found}) == 1
 
 
-@pytest.mark.parametrize(
-    ("how", "match"),
-    [
-        ({"tolerance": "a"}, "tolerance: must be a number"),
-        ({"tolerance": 5.0}, "got 5.0; 5 % are 0.05"),
-        ({"tolerance": "2%"}, "got '2%'; 2 % are 0.02"),
-        ({"tol": 0.1}, "tol: solve has no such argument .did you mean 'tolerance'"),
-        ({"tolerance": 1e-10}, "tolerance: must be a number from 1e-06"),
-        ({"resolution": float("nan")}, "resolution: must be a whole number"),
-        ({"resolution": 0}, "resolution"),
-        ({"stage": 1.5}, "stage"),
-        ({"previous": 3}, "previous"),
-        ({"previous": 3, "tolerance": 0.1}, "an ElasticResult is needed to start from"),
-    ],
-)
+@pytest.mark.parametrize(("how", "match"), [
+    ({"tolerance": "a"}, "tolerance: must be a number"),
+    ({"tolerance": 5.0}, "got 5.0; 5 % are 0.05"),
+    ({"tolerance": "2%"}, "got '2%'; 2 % are 0.02"),
+    ({"tol": 0.1}, "tol: solve has no such argument .did you mean 'tolerance'"),
+    ({"tolerance": 1e-10}, "tolerance: must be a number from 1e-06"),
+    ({"resolution": float("nan")}, "resolution: must be a whole number"),
+    ({"resolution": 0}, "resolution"),
+    ({"stage": 1.5}, "stage"),
+    ({"previous": 3}, "previous"),
+    ({"previous": 3, "tolerance": 0.1}, "an ElasticResult is needed to start from"),
+])  # fmt: skip
 def test_what_breaks_a_rule_is_named(how, match):
     with pytest.raises(ParameterError, match=match):
         solve(plate(), **how)

@@ -163,14 +163,11 @@ def test_the_plate_of_two_other_programs(n, under_load, centre):
     assert middle[-1] == pytest.approx(-1.16709e-8, rel=100 / n**2 + 1e-5)
 
 
-@pytest.mark.parametrize(
-    ("n", "energy", "under_load", "centre"),
-    [
-        (8, 2.17789, -4.35579, -0.733370),
-        (16, 1.85313, -4.07069, -0.700344),
-        pytest.param(32, 1.73755, -4.01520, -0.691329, marks=pytest.mark.slow),
-    ],
-)
+@pytest.mark.parametrize(("n", "energy", "under_load", "centre"), [
+    (8, 2.17789, -4.35579, -0.733370),
+    (16, 1.85313, -4.07069, -0.700344),
+    pytest.param(32, 1.73755, -4.01520, -0.691329, marks=pytest.mark.slow),
+])  # fmt: skip
 def test_the_cube_of_two_other_programs(n, energy, under_load, centre):
     """The unit cube, clamped below, under 1 N on the patch [3/8, 5/8]² of its top."""
     load = {"region": {"box": [[0.375, 0.375, 1.0], [0.625, 0.625, 1.0]]}, "force": [0, 0, -1.0]}
@@ -213,14 +210,11 @@ def pixels(name, n=64, value=1.0):
     return drawn(codes, laws((1.0, ratio), (value, ratio)), loads, cell_size=1.0 / n, plane=plane)
 
 
-@pytest.mark.parametrize(
-    ("name", "value", "most"),
-    [
-        *(("hole", 1.0, 30), ("top", 1e6, 30), ("top", 1e-6, 30), ("inclusion", 1e6, 30)),
-        *(("plain", ratio, 60) for ratio in (0.46, 0.499, 0.499999)),
-        *(("comb", 1.0, 500), ("checkers", 1e6, 500)),  # which defeat multigrid
-    ],
-)
+@pytest.mark.parametrize(("name", "value", "most"), [
+    *(("hole", 1.0, 30), ("top", 1e6, 30), ("top", 1e-6, 30), ("inclusion", 1e6, 30)),
+    *(("plain", ratio, 60) for ratio in (0.46, 0.499, 0.499999)),
+    *(("comb", 1.0, 500), ("checkers", 1e6, 500)),  # which defeat multigrid
+])  # fmt: skip
 def test_iterations_find_what_factors_do(name, value, most, monkeypatch):
     exact = solve(pixels(name, value=value))
     monkeypatch.setattr("kaju.model.elastic.equal.solver.FEW", {2: 0, 3: 0})

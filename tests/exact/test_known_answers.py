@@ -32,13 +32,10 @@ def coarse(problem):
     return problem.resolutions[:-1] if len(problem.resolutions) > 3 else problem.resolutions
 
 
-@pytest.mark.parametrize(
-    ("problem", "resolutions"),
-    [
-        *(pytest.param(each, coarse(each), id=type(each).__name__) for each in PROBLEMS),
-        pytest.param(exact.LCorner(), (64, 128, 256), marks=pytest.mark.slow),
-    ],
-)
+@pytest.mark.parametrize(("problem", "resolutions"), [
+    *(pytest.param(each, coarse(each), id=type(each).__name__) for each in PROBLEMS),
+    pytest.param(exact.LCorner(), (64, 128, 256), marks=pytest.mark.slow),
+])  # fmt: skip
 def test_observed_order(problem, resolutions):
     for quantity, study in convergence(problem, resolutions).items():
         low, high = problem.orders[quantity]
@@ -78,13 +75,10 @@ def test_the_grid_represents_the_answer(problem):
             assert problem.error(result, quantity) < CLOSE
 
 
-@pytest.mark.parametrize(
-    "problem",
-    [
-        ConfinedCompression(poissons_ratio=0.4999),
-        ConfinedCompression(dimension=3, poissons_ratio=0.4999),
-    ],
-)
+@pytest.mark.parametrize("problem", [
+    ConfinedCompression(poissons_ratio=0.4999),
+    ConfinedCompression(dimension=3, poissons_ratio=0.4999),
+])  # fmt: skip
 def test_extreme_materials_cost_the_digits_of_their_contrast(problem):
     result = problem.solve(6, tolerance=1e-13)
     assert max(problem.error(result, of) for of in ("displacement", "stress")) < 1e-8

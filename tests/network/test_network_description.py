@@ -24,26 +24,23 @@ def square(**changes):
     return SpringNetwork.build(**described)
 
 
-@pytest.mark.parametrize(
-    ("changes", "error", "message"),
-    [
-        ({"positions": SQUARE * [1.0, np.nan]}, ParameterError, r"positions\[0, 1\]: must be"),
-        ({"stiffness": [1, 1, -3, 1, 1]}, ParameterError, "stiffness of spring 2 .* got -3"),
-        ({"springs": [[0, 1], [2, 2]]}, SceneError, "spring 1 .* joins a node to itself"),
-        ({"springs": [[0, 7]], "rest_length": 1.0}, SceneError, "count from 0 to 3"),
-        ({"positions": SQUARE[[0, 0, 2, 3]]}, SceneError, "spring 0 .* both ends lie at"),
-        ({"names": ["a", "b", "b", "c"]}, SceneError, "which 3 differ"),
-        ({"forces": np.ones((3, 2))}, SceneError, r"forces: must have the shape \(4, 2\)"),
-        ({"forces": [[0, 1], [0, 0], [0, 0], [0, 0]]}, SceneError, "straight into the supports"),
-        ({"springs": [[0, 1], [2, 3]]}, SupportError, "nothing holds the nodes 2, 3"),
-        (
-            {"forces": np.zeros((2, 4, 2)), "displacements": np.zeros((3, 4, 2))},
-            SceneError,
-            "2 stages and displacements 3",
-        ),
-        ({"held": [[1, 0], [0, 0], [0, 0], [0, 0]]}, SupportError, "along y"),
-    ],
-)
+@pytest.mark.parametrize(("changes", "error", "message"), [
+    ({"positions": SQUARE * [1.0, np.nan]}, ParameterError, r"positions\[0, 1\]: must be"),
+    ({"stiffness": [1, 1, -3, 1, 1]}, ParameterError, "stiffness of spring 2 .* got -3"),
+    ({"springs": [[0, 1], [2, 2]]}, SceneError, "spring 1 .* joins a node to itself"),
+    ({"springs": [[0, 7]], "rest_length": 1.0}, SceneError, "count from 0 to 3"),
+    ({"positions": SQUARE[[0, 0, 2, 3]]}, SceneError, "spring 0 .* both ends lie at"),
+    ({"names": ["a", "b", "b", "c"]}, SceneError, "which 3 differ"),
+    ({"forces": np.ones((3, 2))}, SceneError, r"forces: must have the shape \(4, 2\)"),
+    ({"forces": [[0, 1], [0, 0], [0, 0], [0, 0]]}, SceneError, "straight into the supports"),
+    ({"springs": [[0, 1], [2, 3]]}, SupportError, "nothing holds the nodes 2, 3"),
+    (
+        {"forces": np.zeros((2, 4, 2)), "displacements": np.zeros((3, 4, 2))},
+        SceneError,
+        "2 stages and displacements 3",
+    ),
+    ({"held": [[1, 0], [0, 0], [0, 0], [0, 0]]}, SupportError, "along y"),
+])  # fmt: skip
 def test_what_is_wrong_is_named(changes, error, message):
     with pytest.raises(error, match=message):
         square(**changes)

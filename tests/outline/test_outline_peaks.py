@@ -40,14 +40,11 @@ def plate(*regions: dict[str, Any], pull: float = 1.0, size: float = 20.0, cells
 
 # Of plates twenty times as wide as the hole's half, by quadratic triangles with curved sides: 3, 7
 # and Goodier's 2.149 of infinite ones, and half a per cent.
-@pytest.mark.parametrize(
-    ("hole", "truth", "tolerance"),
-    [
-        (region(**DISK), 3.0213, 0.005),
-        (region(**FLAT), 7.0320, 0.02),
-        (region("soft", **DISK), 2.1576, 0.01),
-    ],
-)
+@pytest.mark.parametrize(("hole", "truth", "tolerance"), [
+    (region(**DISK), 3.0213, 0.005),
+    (region(**FLAT), 7.0320, 0.02),
+    (region("soft", **DISK), 2.1576, 0.01),
+])  # fmt: skip
 def test_the_peak_is_known_to_the_tolerance(hole, truth, tolerance) -> None:
     answer = kaju.solve(plate(hole), tolerance=tolerance, goal="hole,hoop")
     (goal,) = answer.goals
@@ -138,16 +135,13 @@ def test_a_peak_of_an_outline_at_a_rigid_side_is_that_of_its_rounded_parts() -> 
         blunt.value_of(HOOP)
 
 
-@pytest.mark.parametrize(
-    ("side", "material", "without", "within"),
-    [
-        ("rigid", "air", (63, 90, 120), (50, 60)),
-        ("roller", "air", (92, 120), (60, 90)),
-        ("roller", "soft", (60, 120), (90,)),
-        ("free", "air", (), (60, 120)),
-        ("free", "soft", (90,), ()),
-    ],
-)
+@pytest.mark.parametrize(("side", "material", "without", "within"), [
+    ("rigid", "air", (63, 90, 120), (50, 60)),
+    ("roller", "air", (92, 120), (60, 90)),
+    ("roller", "soft", (60, 120), (90,)),
+    ("free", "air", (), (60, 120)),
+    ("free", "soft", (90,), ()),
+])  # fmt: skip
 def test_where_an_outline_meets_a_side_the_angle_says_whether_stress_has_a_limit(
     side, material, without, within
 ) -> None:
@@ -200,25 +194,22 @@ RIM = region(disk={"centre": [1.0, 7.25], "radius": 0.75})
 SQUARE = {"box": [[5.0, 5.0], [6.0, 6.0]]}
 
 
-@pytest.mark.parametrize(
-    ("asked", "scene", "told"),
-    [
-        ("hohle", plate(region(**DISK)), "did you mean 'hole'.*; there is hole, right, top$"),
-        (kaju.Stress((1.0, 1.0), "hoop"), plate(region(**DISK)), "only an outline or a free side"),
-        ([HOOP, [1.0, 1.0]], plate(region(**DISK)), "only an outline or a free side"),
-        (kaju.Stress("hole", "xx"), plate(region(**DISK)), "of 'hole' .* no 'xx'"),
-        ("hole,y", plate(region(**DISK)), "no load acts on 'hole'"),
-        ("left", plate(region(**DISK), sides={"left": "rigid"}), "left is held"),
-        (HOOP, plate(region(**SQUARE)), r"no limit: this outline has a sharp corner at \(6, 5\)"),
-        (HOOP, plate(region("soft", **SQUARE)), "sharp corner"),
-        (HOOP, plate(region(**DISK), sides={"left": "rigid"}), "side 'left'.* or give no goal"),
-        (HOOP, plate(region(**DISK), region(name="b", box=[[0, -1], [1, 3]])), "meets the outline"),
-        (HOOP, plate(RIM, size=7.0, cells=7, sides={"top": "rigid"}), "side 'top'.* no goal"),
-        ("top", plate(region(disk={"centre": [9.0, 15.0], "radius": 5.0})), "touches .*'top'"),
-        (HOOP, plate(region(**DISK | {"outline": "cells"}), size=4.0), 'outline = "true"'),
-        (HOOP, plate(region("matrix", **DISK)), "no part of the body ends along 'hole'"),
-    ],
-)
+@pytest.mark.parametrize(("asked", "scene", "told"), [
+    ("hohle", plate(region(**DISK)), "did you mean 'hole'.*; there is hole, right, top$"),
+    (kaju.Stress((1.0, 1.0), "hoop"), plate(region(**DISK)), "only an outline or a free side"),
+    ([HOOP, [1.0, 1.0]], plate(region(**DISK)), "only an outline or a free side"),
+    (kaju.Stress("hole", "xx"), plate(region(**DISK)), "of 'hole' .* no 'xx'"),
+    ("hole,y", plate(region(**DISK)), "no load acts on 'hole'"),
+    ("left", plate(region(**DISK), sides={"left": "rigid"}), "left is held"),
+    (HOOP, plate(region(**SQUARE)), r"no limit: this outline has a sharp corner at \(6, 5\)"),
+    (HOOP, plate(region("soft", **SQUARE)), "sharp corner"),
+    (HOOP, plate(region(**DISK), sides={"left": "rigid"}), "side 'left'.* or give no goal"),
+    (HOOP, plate(region(**DISK), region(name="b", box=[[0, -1], [1, 3]])), "meets the outline"),
+    (HOOP, plate(RIM, size=7.0, cells=7, sides={"top": "rigid"}), "side 'top'.* no goal"),
+    ("top", plate(region(disk={"centre": [9.0, 15.0], "radius": 5.0})), "touches .*'top'"),
+    (HOOP, plate(region(**DISK | {"outline": "cells"}), size=4.0), 'outline = "true"'),
+    (HOOP, plate(region("matrix", **DISK)), "no part of the body ends along 'hole'"),
+])  # fmt: skip
 def test_what_has_no_peak_is_refused_by_name(asked, scene, told) -> None:
     with pytest.raises(kaju.KajuError, match=rf"^goal: .*{told}"):
         kaju.solve(scene, tolerance=0.05, goal=asked)

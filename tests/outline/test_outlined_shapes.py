@@ -123,17 +123,14 @@ def test_two_ways_to_say_a_body_have_one_truth(name: str) -> None:
 NO_PATHS = ["", "L 1 1", "M 0 0 1", "M 0 0 X", "M 0 0 A 1 1 0 2 0 1 1 z", "M 0 0 H 1 Z 3"]
 
 
-@pytest.mark.parametrize(
-    ("region", "key"),
-    [
-        ({"path": "M.02.02 L.08.08 L.08.02 L.02.08z"}, "body.regions.0"),
-        ({"polygon": [[0.02, 0.02], [0.08, 0.08], [0.08, 0.02], [0.02, 0.08]]}, "body.regions.0"),
-        ({"ring": {"centre": [0.05, 0.05], "inner": 0.02, "outer": 0.01}}, "body.regions.0.ring"),
-        ({"rounded_box": {"box": [[0.0, 0.0], [0.1, 0.02]], "radius": 0.01}}, "body.regions.0"),
-        ({"slot": {"ends": [[0.05, 0.05], [0.05, 0.05]], "radius": 0.01}}, "body.regions.0.slot"),
-        *(({"path": text}, ".*path") for text in NO_PATHS),
-    ],
-)
+@pytest.mark.parametrize(("region", "key"), [
+    ({"path": "M.02.02 L.08.08 L.08.02 L.02.08z"}, "body.regions.0"),
+    ({"polygon": [[0.02, 0.02], [0.08, 0.08], [0.08, 0.02], [0.02, 0.08]]}, "body.regions.0"),
+    ({"ring": {"centre": [0.05, 0.05], "inner": 0.02, "outer": 0.01}}, "body.regions.0.ring"),
+    ({"rounded_box": {"box": [[0.0, 0.0], [0.1, 0.02]], "radius": 0.01}}, "body.regions.0"),
+    ({"slot": {"ends": [[0.05, 0.05], [0.05, 0.05]], "radius": 0.01}}, "body.regions.0.slot"),
+    *(({"path": text}, ".*path") for text in NO_PATHS),
+])  # fmt: skip
 def test_shapes_that_are_none_are_refused(region: dict[str, Any], key: str) -> None:
     with pytest.raises(SceneError, match=f"^{key}"):
         kaju.solve(body(hole(**region), **PULLED, sides={"left": "rigid"}), tolerance=0.2)

@@ -233,21 +233,18 @@ def test_a_scene_with_true_outlines_survives_its_file_and_its_archive(tmp_path: 
     assert steel.get_clip_path() is not None  # cells reach beyond the ring
 
 
-@pytest.mark.parametrize(
-    "asked",
-    [
-        kaju.LoadModel,
-        lambda scene: kaju.SpawningModel(scene, stage=2),
-        kaju.finite_elements,
-        lambda scene: scene.rasterise(),
-        lambda scene: scene.refine(2),
-        lambda scene: scene.applied(),
-        lambda scene: scene.selections,
-        lambda scene: kaju.solve(scene, resolution=2),
-        kaju.solve_petsc,
-        lambda scene: kaju.solve(scene, tolerance=2.0),
-    ],
-)
+@pytest.mark.parametrize("asked", [
+    kaju.LoadModel,
+    lambda scene: kaju.SpawningModel(scene, stage=2),
+    kaju.finite_elements,
+    lambda scene: scene.rasterise(),
+    lambda scene: scene.refine(2),
+    lambda scene: scene.applied(),
+    lambda scene: scene.selections,
+    lambda scene: kaju.solve(scene, resolution=2),
+    kaju.solve_petsc,
+    lambda scene: kaju.solve(scene, tolerance=2.0),
+])  # fmt: skip
 def test_nothing_takes_a_true_outline_for_a_staircase(asked: Any) -> None:
     with pytest.raises(kaju.KajuError):
         asked(ring(0.1, 0.2))
@@ -334,22 +331,19 @@ ROUNDED = {"rounded_box": {"box": [[0.03, 0.03], [0.07, 0.07]], "radius": 0.01}}
 ROUNDED |= {"material": "air", "outline": "true"}
 
 
-@pytest.mark.parametrize(
-    ("change", "key"),
-    [
-        ({"body.lattice": "hexagon"}, "body.lattice"),
-        ({"sides.left": {"stiffness": 1e9}}, "sides.left.stiffness"),
-        ({"body.regions": [HOLE | {"material": "roller"}]}, "body.regions.0.material"),
-        ({"body.material": "air"}, "body.regions"),
-        ({"body.regions": [HOLE, HOLE]}, "body.regions.1.name"),
-        ({"body.regions": [HOLE, HOLE | {"outline": "cells"}]}, "body.regions.1.outline"),
-        ({"loads": [{"outline": "hohle", "pressure": 1.0}]}, "loads.0.outline"),
-        ({"loads": [{"cell": [3, 3], "force": [1.0, 0.0]}]}, "loads.0.cell"),
-        ({"loads": [{"side": "left", "force": [1.0, 0.0]}]}, "loads.0.side"),
-        ({"loads": [{"outline": "hole", "couple": 1.0}]}, "loads.0.couple"),
-        ({"loads": [{"side": "right", "force": [1.0, 0.0], "steps": 2}]}, "loads.0.steps"),
-    ],
-)
+@pytest.mark.parametrize(("change", "key"), [
+    ({"body.lattice": "hexagon"}, "body.lattice"),
+    ({"sides.left": {"stiffness": 1e9}}, "sides.left.stiffness"),
+    ({"body.regions": [HOLE | {"material": "roller"}]}, "body.regions.0.material"),
+    ({"body.material": "air"}, "body.regions"),
+    ({"body.regions": [HOLE, HOLE]}, "body.regions.1.name"),
+    ({"body.regions": [HOLE, HOLE | {"outline": "cells"}]}, "body.regions.1.outline"),
+    ({"loads": [{"outline": "hohle", "pressure": 1.0}]}, "loads.0.outline"),
+    ({"loads": [{"cell": [3, 3], "force": [1.0, 0.0]}]}, "loads.0.cell"),
+    ({"loads": [{"side": "left", "force": [1.0, 0.0]}]}, "loads.0.side"),
+    ({"loads": [{"outline": "hole", "couple": 1.0}]}, "loads.0.couple"),
+    ({"loads": [{"side": "right", "force": [1.0, 0.0], "steps": 2}]}, "loads.0.steps"),
+])  # fmt: skip
 def test_what_is_not_proved_is_refused_by_name(change: dict[str, Any], key: str) -> None:
     parts: dict[str, Any] = {
         "body": {"cell_size": 0.025, "cells": [4, 4], "material": "steel", "regions": [HOLE]},
@@ -381,27 +375,24 @@ def boxed(left: float, bottom: float, right: float, top: float, **load: Any) -> 
     return {"region": {"box": [[left, bottom], [right, top]]}} | load
 
 
-@pytest.mark.parametrize(
-    ("scene", "told"),
-    [
-        (plate(10.0), "nothing of the body"),
-        (plate().with_region("air", **WAVE), r"regions\.\d: .* touches itself"),
-        (PRESSED.with_region(**NEAR), r"loads\.0\.outline"),
-        (plate(loads=[{"side": "right", "force": [x, 0.0]} for x in (1.0, -1.0)]), "cancel"),
-        (plate().with_region("rigid", **NEAR), r"regions\.1\.material: what is rigid meets"),
-        (plate().with_region("rigid", box=[[0.06, 0], [0.08, 0.02]], outline="true"), "reaches"),
-        (plate().with_region("rigid", **PIN).with_region("air", **DOT), "below or around"),
-        (plate().with_region("rigid", **PIN).replace(**ON_PIN), "'pin' holds"),
-        (plate().replace(sides={}).with_region("pinned", **PIN), "could turn"),
-        (plate().with_region("pinned", path=TWO, outline="true"), "2 outlines, which turn alone"),
-        (ring(0.1, 0.2).with_region("rigid", **NEAR), "holds nothing"),
-        *((RIM.replace(loads=[{"outline": "rim"} | what]), r"^loads\.0\.") for what in EITHER),
-        (plate(loads=[boxed(0.04, 0.02, 0.09, 0.05, pressure=1.0)]), "no free edge"),
-        (plate(loads=[boxed(0.0, 0.01, 0.05, 0.05, force=[-1.0, 0.0])]), "faces the force"),
-        (plate(loads=[boxed(0.0, 0.02, 0.04, 0.01, pressure=1.0)]), "lower one"),
-        (PRESSED.with_region(**NEAR).replace(loads=[boxed(0, 0, 0.1, 0.1, pressure=1.0)]), "meets"),
-    ],
-)
+@pytest.mark.parametrize(("scene", "told"), [
+    (plate(10.0), "nothing of the body"),
+    (plate().with_region("air", **WAVE), r"regions\.\d: .* touches itself"),
+    (PRESSED.with_region(**NEAR), r"loads\.0\.outline"),
+    (plate(loads=[{"side": "right", "force": [x, 0.0]} for x in (1.0, -1.0)]), "cancel"),
+    (plate().with_region("rigid", **NEAR), r"regions\.1\.material: what is rigid meets"),
+    (plate().with_region("rigid", box=[[0.06, 0], [0.08, 0.02]], outline="true"), "reaches"),
+    (plate().with_region("rigid", **PIN).with_region("air", **DOT), "below or around"),
+    (plate().with_region("rigid", **PIN).replace(**ON_PIN), "'pin' holds"),
+    (plate().replace(sides={}).with_region("pinned", **PIN), "could turn"),
+    (plate().with_region("pinned", path=TWO, outline="true"), "2 outlines, which turn alone"),
+    (ring(0.1, 0.2).with_region("rigid", **NEAR), "holds nothing"),
+    *((RIM.replace(loads=[{"outline": "rim"} | what]), r"^loads\.0\.") for what in EITHER),
+    (plate(loads=[boxed(0.04, 0.02, 0.09, 0.05, pressure=1.0)]), "no free edge"),
+    (plate(loads=[boxed(0.0, 0.01, 0.05, 0.05, force=[-1.0, 0.0])]), "faces the force"),
+    (plate(loads=[boxed(0.0, 0.02, 0.04, 0.01, pressure=1.0)]), "lower one"),
+    (PRESSED.with_region(**NEAR).replace(loads=[boxed(0, 0, 0.1, 0.1, pressure=1.0)]), "meets"),
+])  # fmt: skip
 def test_what_has_no_answer_is_refused(scene: kaju.Scene, told: str) -> None:
     with pytest.raises(kaju.errors.SceneError, match=told):
         kaju.solve(scene, tolerance=0.2)

@@ -128,19 +128,16 @@ def test_half_the_work_of_a_sudden_load_on_springs_is_set_free_and_said():
     assert not damped.notes
 
 
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({"tolerance": 0.0}, "tolerance: must lie between"),
-        ({"times": [2.0, 1.0]}, "times: must rise"),
-        ({"times": [1.0, 99.0]}, "times: must rise"),
-        ({"duration": -1.0}, "duration: must be above 0"),
-        ({"rheology": DOUGH}, "rheology: is for spring networks"),
-        ({"history": History.step()}, "needs a duration"),
-        ({"history": None}, "history: must be a History"),
-        ({"subject": "dough"}, "subject: a Scene, a SpringNetwork or a ThreeElement"),
-    ],
-)
+@pytest.mark.parametrize(("options", "message"), [
+    ({"tolerance": 0.0}, "tolerance: must lie between"),
+    ({"times": [2.0, 1.0]}, "times: must rise"),
+    ({"times": [1.0, 99.0]}, "times: must rise"),
+    ({"duration": -1.0}, "duration: must be above 0"),
+    ({"rheology": DOUGH}, "rheology: is for spring networks"),
+    ({"history": History.step()}, "needs a duration"),
+    ({"history": None}, "history: must be a History"),
+    ({"subject": "dough"}, "subject: a Scene, a SpringNetwork or a ThreeElement"),
+])  # fmt: skip
 def test_impossible_arguments_are_refused(options, message):
     with pytest.raises(ParameterError, match=message):
         creep(**{"subject": ELEMENT, "history": BITE} | options)

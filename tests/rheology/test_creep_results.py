@@ -72,17 +72,11 @@ def test_it_is_drawn_and_filmed(tmp_path, coarse):
 STEPS = plate([4, 4], [2, 3], [0.0, -1.0]).to_toml() + "[history]\n"
 
 
-@pytest.mark.parametrize(
-    ("text", "expected"),
-    [
-        ("times = [0, 2]\nfactors = [0, 1]", History((0, 2), (0, 1))),
-        (
-            "steps = [{ramp = 1.0, duration = 0.5}, {hold = 2.0}, {release = 0.0}, {hold = 4.0}]",
-            BITE,
-        ),
-        ("steps = [{cycles = 2, period = 1.0, high = 3.0}]", History().cycles(2, 1.0, 3.0)),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("text", "expected"), [
+    ("times = [0, 2]\nfactors = [0, 1]", History((0, 2), (0, 1))),
+    ("steps = [{ramp = 1.0, duration = 0.5}, {hold = 2.0}, {release = 0.0}, {hold = 4.0}]", BITE),
+    ("steps = [{cycles = 2, period = 1.0, high = 3.0}]", History().cycles(2, 1.0, 3.0)),
+])  # fmt: skip
 def test_a_history_is_written_in_the_scene(text, expected):
     scene = Scene.from_toml(STEPS + text)
     assert scene.history == expected

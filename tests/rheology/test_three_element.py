@@ -13,18 +13,15 @@ from kaju.errors import ParameterError
 ELEMENT = ThreeElement(K_f=2.0, D_f=3.0, D_d=5.0)
 
 
-@pytest.mark.parametrize(
-    ("numbers", "message"),
-    [
-        ((0.0, 0.0, 1.0), "K_f and D_f: both are 0"),
-        ((-1.0, 0.0, 1.0), "K_f: must be 0, or from"),
-        ((inf, 0.0, 1.0), "K_f: must be 0, or from"),
-        ((9e-101, 1.0, 1.0), "K_f: must be 0, or from"),
-        ((1.0, nan, 1.0), "D_f: must be 0, or from"),
-        ((1.0, 1.0, 0.0), "D_d: must be from"),
-        ((1.0, 1.0, nan), "D_d: must be from"),
-    ],
-)
+@pytest.mark.parametrize(("numbers", "message"), [
+    ((0.0, 0.0, 1.0), "K_f and D_f: both are 0"),
+    ((-1.0, 0.0, 1.0), "K_f: must be 0, or from"),
+    ((inf, 0.0, 1.0), "K_f: must be 0, or from"),
+    ((9e-101, 1.0, 1.0), "K_f: must be 0, or from"),
+    ((1.0, nan, 1.0), "D_f: must be 0, or from"),
+    ((1.0, 1.0, 0.0), "D_d: must be from"),
+    ((1.0, 1.0, nan), "D_d: must be from"),
+])  # fmt: skip
 def test_impossible_elements_are_refused(numbers, message):
     with pytest.raises(ParameterError, match=message):
         ThreeElement(*numbers)
@@ -98,14 +95,11 @@ def test_at_a_jump_the_value_before_it_counts():
 WRONG = (1.0,), (1.0, 2.0), (0.0, 2.0, 1.0), (-1.0, 0.0), (0.5, 0.5), (0.0, 1.0, 0.5, 2.0)
 
 
-@pytest.mark.parametrize(
-    ("times", "factors", "message"),
-    [
-        ((0.0, 1.0), (0.0,), "as many factors"),
-        *((times, (0.0,) * len(times), "times must start at 0 and never fall") for times in WRONG),
-        ((0.0, float("inf")), (0.0, 1.0), "finite"),
-    ],
-)
+@pytest.mark.parametrize(("times", "factors", "message"), [
+    ((0.0, 1.0), (0.0,), "as many factors"),
+    *((times, (0.0,) * len(times), "times must start at 0 and never fall") for times in WRONG),
+    ((0.0, float("inf")), (0.0, 1.0), "finite"),
+])  # fmt: skip
 def test_impossible_histories_are_refused(times, factors, message):
     with pytest.raises(ParameterError, match=message):
         History(times, factors)

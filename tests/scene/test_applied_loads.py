@@ -117,34 +117,28 @@ def test_a_force_straight_at_a_corner_of_a_hexagon_enters_in_the_middle(cell, fo
     assert rows(scene.applied()) == [(cell, to, force)]
 
 
-@pytest.mark.parametrize(
-    ("load", "told"),
-    [
-        ({"cell": [4, 0], "force": [0, 1]}, r"loads.0.cell: \[4, 0\] lies outside .* 4 x 3 cells"),
-        ({"cell": [0, 2], "force": [0, 1]}, r"loads.0.cell: \[0, 2\] is air, not body"),
-        ({"cell": [1, 1], "force": [0, 0]}, "loads.0.force: is zero"),
-        ({"cell": [1, 1], "pressure": 1.0}, "loads.0.side: is needed to press on a single cell"),
-        ({"cell": [1, 1], "side": "top", "pressure": 0.0}, "loads.0.pressure: is zero"),
-        ({"cell": [1, 1], "side": "tip", "force": [0, 1]}, r"no side 'tip' \(did you mean 'top'"),
-        ({"cell": [1, 1], "point": [0, 0], "force": [0, 1]}, "a load acts in one place"),
-        ({"force": [0, 1]}, "loads.0.cell: a load acts in one place"),
-        ({"cell": [1, 1]}, "loads.0.force: .* got none"),
-        (
-            {"cell": [1, 1], "force": [0, 1], "pressure": 1.0},
-            "one of force, .* got force, pressure",
-        ),
-        ({"cell": [1, 1], "force": [0, 1], "steps": 1.5}, "loads.0.steps: must be a whole number"),
-        ({"point": [0.5, 0.1], "force": [0, 1]}, "loads.0.point: .* lies outside the array"),
-        ({"side": "bottom", "force": [0, 1]}, "loads.0.side: 4 of its faces are held, .*rigid"),
-        ({"region": {"box": [[0, 0.25], [1, 0.25]]}, "force": [0, 1]}, "no faces .* y = 0.25 m"),
-        ({"region": {"box": [[0, 0.1], [1, 0.1]]}, "force": [0, 1]}, ", inside the body"),
-        ({"region": {"box": [[0.5, 0.3], [0.6, 0.3]]}, "force": [0, 1]}, "lies outside the array"),
-        ({"region": {"box": [[0, 0], [1, 1]]}, "pressure": 1.0}, "a pressure acts on a surface"),
-        ({"region": {"box": [[0, 0], [0, 0]]}, "force": [0, 1]}, "no thickness along x and y"),
-        ({"region": {"box": [[0, 0.2], [0.1, 0.3]]}, "force": [0, 1]}, "no cell of the body in th"),
-        ({"region": {"box": [[0, 0.2], [0.1, 0.3]]}, "side": "top", "force": [0, 1]}, "leave side"),
-    ],
-)
+@pytest.mark.parametrize(("load", "told"), [
+    ({"cell": [4, 0], "force": [0, 1]}, r"loads.0.cell: \[4, 0\] lies outside .* 4 x 3 cells"),
+    ({"cell": [0, 2], "force": [0, 1]}, r"loads.0.cell: \[0, 2\] is air, not body"),
+    ({"cell": [1, 1], "force": [0, 0]}, "loads.0.force: is zero"),
+    ({"cell": [1, 1], "pressure": 1.0}, "loads.0.side: is needed to press on a single cell"),
+    ({"cell": [1, 1], "side": "top", "pressure": 0.0}, "loads.0.pressure: is zero"),
+    ({"cell": [1, 1], "side": "tip", "force": [0, 1]}, r"no side 'tip' \(did you mean 'top'"),
+    ({"cell": [1, 1], "point": [0, 0], "force": [0, 1]}, "a load acts in one place"),
+    ({"force": [0, 1]}, "loads.0.cell: a load acts in one place"),
+    ({"cell": [1, 1]}, "loads.0.force: .* got none"),
+    ({"cell": [1, 1], "force": [0, 1], "pressure": 1.0}, "one of force, .* got force, pressure"),
+    ({"cell": [1, 1], "force": [0, 1], "steps": 1.5}, "loads.0.steps: must be a whole number"),
+    ({"point": [0.5, 0.1], "force": [0, 1]}, "loads.0.point: .* lies outside the array"),
+    ({"side": "bottom", "force": [0, 1]}, "loads.0.side: 4 of its faces are held, .*rigid"),
+    ({"region": {"box": [[0, 0.25], [1, 0.25]]}, "force": [0, 1]}, "no faces .* y = 0.25 m"),
+    ({"region": {"box": [[0, 0.1], [1, 0.1]]}, "force": [0, 1]}, ", inside the body"),
+    ({"region": {"box": [[0.5, 0.3], [0.6, 0.3]]}, "force": [0, 1]}, "lies outside the array"),
+    ({"region": {"box": [[0, 0], [1, 1]]}, "pressure": 1.0}, "a pressure acts on a surface"),
+    ({"region": {"box": [[0, 0], [0, 0]]}, "force": [0, 1]}, "no thickness along x and y"),
+    ({"region": {"box": [[0, 0.2], [0.1, 0.3]]}, "force": [0, 1]}, "no cell of the body in th"),
+    ({"region": {"box": [[0, 0.2], [0.1, 0.3]]}, "side": "top", "force": [0, 1]}, "leave side"),
+])  # fmt: skip
 def test_a_load_that_cannot_be(load, told):
     regions = [
         {"box": [[0, 0.2], [0.1, 0.3]], "material": "air"},
@@ -159,13 +153,10 @@ def test_too_many_faces():
         plate({"side": "top", "force": [0, 0, -1]}, cells=(10**5, 10**5, 10))
 
 
-@pytest.mark.parametrize(
-    ("body", "told"),
-    [
-        ({"gravity": [0, -9.81], "material": "mud"}, "materials.mud.density: is needed"),
-        ({"gravity": [0, -9.81], "cells": [10**5, 10**5]}, r"body.gravity: .* 1e\+10 cells"),
-    ],
-)
+@pytest.mark.parametrize(("body", "told"), [
+    ({"gravity": [0, -9.81], "material": "mud"}, "materials.mud.density: is needed"),
+    ({"gravity": [0, -9.81], "cells": [10**5, 10**5]}, r"body.gravity: .* 1e\+10 cells"),
+])  # fmt: skip
 def test_gravity_that_cannot_be(body, told):
     mud = {"mud": {"youngs_modulus": 1e3, "poissons_ratio": 0.4}}
     with pytest.raises(ValueError, match=told):

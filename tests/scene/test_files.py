@@ -47,16 +47,13 @@ MIDDLE = np.hypot(*np.meshgrid(np.arange(64) - 31.5, np.arange(64) - 31.5))
 DARK = np.clip(0.5 - (20 - MIDDLE) * 0.03, 0, 1)  # a dark disk of radius 20
 
 
-@pytest.mark.parametrize(
-    ("name", "pixels"),
-    [
-        ("8.png", (255 * DARK).round().astype(np.uint8)),
-        ("16.png", (65535 * DARK).round().astype(np.uint16)),
-        ("16 bits in 32.tif", (65535 * DARK).astype(np.int32)),
-        ("32.tif", ((2**31 - 1) * DARK).astype(np.int32)),
-        ("float.tif", DARK.astype(np.float32)),
-    ],
-)
+@pytest.mark.parametrize(("name", "pixels"), [
+    ("8.png", (255 * DARK).round().astype(np.uint8)),
+    ("16.png", (65535 * DARK).round().astype(np.uint16)),
+    ("16 bits in 32.tif", (65535 * DARK).astype(np.int32)),
+    ("32.tif", ((2**31 - 1) * DARK).astype(np.int32)),
+    ("float.tif", DARK.astype(np.float32)),
+])  # fmt: skip
 def test_grey_images_of_all_depths_are_the_same_disk(tmp_path, name, pixels):
     Image.fromarray(pixels).save(tmp_path / name)
     scenes = [
@@ -110,20 +107,17 @@ def stl(path, *boxes):
     return str(path)
 
 
-@pytest.mark.parametrize(
-    ("boxes", "volume", "guessed"),
-    [
-        ([((0.3, 0.7, 0.7), 1.0, False), ((0.8, 0.7, 0.7), 1.0, False)], 1.5, False),  # they cross
-        ([((0.3, 0.7, 0.7), 1.0, True), ((0.8, 0.7, 0.7), 1.0, False)], 1.5, False),
-        ([((0.2, 0.2, 0.2), 2.0, False), ((0.7, 0.7, 0.7), 1.0, True)], 7.0, False),  # a cavity
-        ([((0.2, 0.2, 0.2), 2.0, False), ((0.7, 0.7, 0.7), 1.0, False)], 7.0, True),
-        ([((0.2, 0.2, 0.2), 0.5, False), ((1.2, 1.2, 1.2), 1.0, False)], 1.125, False),  # apart
-        ([((0.2, 0.2, 0.2), 1.0, False), ((1.2, 0.2, 0.2), 1.0, False)], 2.0, False),  # a face
-        ([((0.2, 0.2, 0.2), 1.0, False), ((1.2, 1.2, 0.2), 1.0, False)], 2.0, False),  # an edge
-        ([((0.2, 0.2, 0.2), 1.0, False)] * 2, 1.0, False),  # twice the same
-        (NESTED, 2.2**3 - 8.0 + 1.0, True),  # a body in a cavity
-    ],
-)
+@pytest.mark.parametrize(("boxes", "volume", "guessed"), [
+    ([((0.3, 0.7, 0.7), 1.0, False), ((0.8, 0.7, 0.7), 1.0, False)], 1.5, False),  # they cross
+    ([((0.3, 0.7, 0.7), 1.0, True), ((0.8, 0.7, 0.7), 1.0, False)], 1.5, False),
+    ([((0.2, 0.2, 0.2), 2.0, False), ((0.7, 0.7, 0.7), 1.0, True)], 7.0, False),  # a cavity
+    ([((0.2, 0.2, 0.2), 2.0, False), ((0.7, 0.7, 0.7), 1.0, False)], 7.0, True),
+    ([((0.2, 0.2, 0.2), 0.5, False), ((1.2, 1.2, 1.2), 1.0, False)], 1.125, False),  # apart
+    ([((0.2, 0.2, 0.2), 1.0, False), ((1.2, 0.2, 0.2), 1.0, False)], 2.0, False),  # a face
+    ([((0.2, 0.2, 0.2), 1.0, False), ((1.2, 1.2, 0.2), 1.0, False)], 2.0, False),  # an edge
+    ([((0.2, 0.2, 0.2), 1.0, False)] * 2, 1.0, False),  # twice the same
+    (NESTED, 2.2**3 - 8.0 + 1.0, True),  # a body in a cavity
+])  # fmt: skip
 def test_shells_of_an_stl_are_one_body(tmp_path, boxes, volume, guessed):
     surface = {"file": stl(tmp_path / "some.stl", *boxes)}
     scene = plate({"surface": surface}, cells=(24, 24, 24), size=0.1)
@@ -165,23 +159,20 @@ def centres(scene):
     return [*(found.mean(axis=0) + 0.5).tolist(), len(found)]
 
 
-@pytest.mark.parametrize(
-    ("inner", "page", "expected"),
-    [
-        (RECT, PAGE, [20, 30, 200]),
-        ('<path d="M10 5h20v10h-20z"/>', PAGE, [20, 30, 200]),
-        ('<g transform="translate(10 5)"><rect width="20" height="10"/></g>', PAGE, [20, 30, 200]),
-        ('<rect width="37.795275590" height="37.795275590"/>', 'height="40mm"', [5, 35, 100]),
-        ('<rect width="72" height="36"/>', 'width="2in" viewBox="0 0 144 72"', [12.5, 19, 325]),
-        ('<path d="M10 5h20v10h-20zM12 7h5v5h-5z"/>', PAGE, [20, 30, 200]),  # nonzero: no hole
-        ('<path fill-rule="evenodd" d="M10 5h20v10h-20zM15 7h10v6h-10z"/>', PAGE, [20, 30, 140]),
-        ('<path d="M10 5h20v10h-20zM15 7v6h10v-6z"/>', PAGE, [20, 30, 140]),  # turned: a hole
-        (RECT + HOLE, PAGE, [20, 30, 140]),
-        ('<title>a plate</title><circle cx="40" cy="20" r="10"/>', PAGE, [40, 20, 316]),
-        ('<ellipse cx="40" cy="20" rx="20" ry="5"/>', PAGE, [40, 20, 316]),
-        ('<circle cx="10" cy="35" r="4"/>', 'width="160mm" viewBox="0 0 80 40"', [20, 10, 201]),
-    ],
-)
+@pytest.mark.parametrize(("inner", "page", "expected"), [
+    (RECT, PAGE, [20, 30, 200]),
+    ('<path d="M10 5h20v10h-20z"/>', PAGE, [20, 30, 200]),
+    ('<g transform="translate(10 5)"><rect width="20" height="10"/></g>', PAGE, [20, 30, 200]),
+    ('<rect width="37.795275590" height="37.795275590"/>', 'height="40mm"', [5, 35, 100]),
+    ('<rect width="72" height="36"/>', 'width="2in" viewBox="0 0 144 72"', [12.5, 19, 325]),
+    ('<path d="M10 5h20v10h-20zM12 7h5v5h-5z"/>', PAGE, [20, 30, 200]),  # nonzero: no hole
+    ('<path fill-rule="evenodd" d="M10 5h20v10h-20zM15 7h10v6h-10z"/>', PAGE, [20, 30, 140]),
+    ('<path d="M10 5h20v10h-20zM15 7v6h10v-6z"/>', PAGE, [20, 30, 140]),  # turned: a hole
+    (RECT + HOLE, PAGE, [20, 30, 140]),
+    ('<title>a plate</title><circle cx="40" cy="20" r="10"/>', PAGE, [40, 20, 316]),
+    ('<ellipse cx="40" cy="20" rx="20" ry="5"/>', PAGE, [40, 20, 316]),
+    ('<circle cx="10" cy="35" r="4"/>', 'width="160mm" viewBox="0 0 80 40"', [20, 10, 201]),
+])  # fmt: skip
 def test_drawings_are_metres_and_y_upwards(tmp_path, inner, page, expected):
     scene = drawn(tmp_path, inner, page)
     assert centres(scene)[:2] == pytest.approx(expected[:2], abs=0.6)
@@ -200,20 +191,17 @@ def test_a_drawing_is_kept_with_its_scene(tmp_path):
     assert np.array_equal(again.rasterise(), scene.rasterise())
 
 
-@pytest.mark.parametrize(
-    ("inner", "words"),
-    [
-        ("<text>A</text>", "<text> is no outline"),
-        ('<use href="#a"/>', "<use> is no outline"),
-        ('<line x1="0" y1="0" x2="1" y2="1"/>', "<line> is no outline"),
-        ('<rect width="5mm" height="1"/>', "<rect> is no outline"),
-        ('<rect width="5" height="5" transform="turn(3)"/>', "transform is not read"),
-        ('<rect width="5" height="5" clip-path="url(#a)"/>', "has a clip-path"),
-        ('<circle cx="9" cy="9" r="5"/><circle cx="14" cy="9" r="5"/>', "cross or touch"),
-        ("", "holds no outline"),
-        ("<g>", "is not an SVG drawing"),
-    ],
-)
+@pytest.mark.parametrize(("inner", "words"), [
+    ("<text>A</text>", "<text> is no outline"),
+    ('<use href="#a"/>', "<use> is no outline"),
+    ('<line x1="0" y1="0" x2="1" y2="1"/>', "<line> is no outline"),
+    ('<rect width="5mm" height="1"/>', "<rect> is no outline"),
+    ('<rect width="5" height="5" transform="turn(3)"/>', "transform is not read"),
+    ('<rect width="5" height="5" clip-path="url(#a)"/>', "has a clip-path"),
+    ('<circle cx="9" cy="9" r="5"/><circle cx="14" cy="9" r="5"/>', "cross or touch"),
+    ("", "holds no outline"),
+    ("<g>", "is not an SVG drawing"),
+])  # fmt: skip
 def test_what_is_no_outline_is_named(tmp_path, inner, words):
     with pytest.raises(SceneError, match=r"regions\.0\.path\.file: ") as error:
         drawn(tmp_path, inner)

@@ -108,17 +108,14 @@ def test_a_side_moved_across_itself_lets_the_body_slide(tolerance):
     assert Scene.from_toml(scene.to_toml()) == scene
 
 
-@pytest.mark.parametrize(
-    ("load", "told"),
-    [
-        ({"region": {}, "pressure": 1.0}, "exactly one shape of box, disk, ball, ring, polygon"),
-        ({"region": {"ball": {"centre": [0.1] * 3, "radius": 0.1}}, "pressure": 1.0}, "three dim"),
-        ({"region": SHAPES["disk"], "pressure": 1.0}, "no free face"),
-        ({"side": "top", "force": [0.0, 1.0], "couple": 1.0}, "got force, couple"),
-        ({"side": "top", "couple": [1.0, 2.0, 3.0]}, "one number"),
-        ({"cell": [3, 19], "couple": 1.0}, "a single cell has no lever"),
-    ],
-)
+@pytest.mark.parametrize(("load", "told"), [
+    ({"region": {}, "pressure": 1.0}, "exactly one shape of box, disk, ball, ring, polygon"),
+    ({"region": {"ball": {"centre": [0.1] * 3, "radius": 0.1}}, "pressure": 1.0}, "three dim"),
+    ({"region": SHAPES["disk"], "pressure": 1.0}, "no free face"),
+    ({"side": "top", "force": [0.0, 1.0], "couple": 1.0}, "got force, couple"),
+    ({"side": "top", "couple": [1.0, 2.0, 3.0]}, "one number"),
+    ({"cell": [3, 19], "couple": 1.0}, "a single cell has no lever"),
+])  # fmt: skip
 def test_what_cannot_act_is_refused(load, told):
     with pytest.raises(SceneError, match=told):
         plate(load)

@@ -67,16 +67,13 @@ def test_python_takes_the_file_too(folder):
         assert scene.cell_materials[0].youngs_modulus == modulus
 
 
-@pytest.mark.parametrize(
-    ("lab", "told"),
-    [
-        (LAB.replace("0.49", "0.9"), r"lab.toml: line 4: agar.poissons_ratio: must lie"),
-        (LAB.replace("base", "bass"), r"line 7: stiff steel.bass: .*did you mean 'base'"),
-        ("x = 1\n", "must hold a table for each material"),
-        ("[agar\n", "line 1 is not valid TOML"),
-        (None, "lab.toml: cannot be read: No such file"),
-    ],
-)
+@pytest.mark.parametrize(("lab", "told"), [
+    (LAB.replace("0.49", "0.9"), r"lab.toml: line 4: agar.poissons_ratio: must lie"),
+    (LAB.replace("base", "bass"), r"line 7: stiff steel.bass: .*did you mean 'base'"),
+    ("x = 1\n", "must hold a table for each material"),
+    ("[agar\n", "line 1 is not valid TOML"),
+    (None, "lab.toml: cannot be read: No such file"),
+])  # fmt: skip
 def test_wrong_files_of_materials_are_named(folder, lab, told):
     if lab is None:
         (folder / "lab.toml").unlink()
@@ -86,27 +83,21 @@ def test_wrong_files_of_materials_are_named(folder, lab, told):
         load_scene(folder / "scene.toml")
 
 
-@pytest.mark.parametrize(
-    ("right", "wrong", "told"),
-    [
-        ("cell = [0, 1]", "cel = [0, 1]", "scene.toml: line 17: loads.0.cel: unknown key"),
-        ('bottom = "rigid"', '"bottom" = "stuck"', "line 14: sides.bottom"),
-    ],
-)
+@pytest.mark.parametrize(("right", "wrong", "told"), [
+    ("cell = [0, 1]", "cel = [0, 1]", "scene.toml: line 17: loads.0.cel: unknown key"),
+    ('bottom = "rigid"', '"bottom" = "stuck"', "line 14: sides.bottom"),
+])  # fmt: skip
 def test_errors_of_a_file_name_the_line(folder, right, wrong, told):
     (folder / "scene.toml").write_text(SCENE.replace(right, wrong))
     with pytest.raises(SceneError, match=told):
         load_scene(folder / "scene.toml")
 
 
-@pytest.mark.parametrize(
-    ("key", "told"),
-    [
-        ("threshold", "did you mean rule.threshold"),
-        ("force", "did you mean loads.0.force"),
-        ("qqqqqq", "known are body, legend, materials"),
-    ],
-)
+@pytest.mark.parametrize(("key", "told"), [
+    ("threshold", "did you mean rule.threshold"),
+    ("force", "did you mean loads.0.force"),
+    ("qqqqqq", "known are body, legend, materials"),
+])  # fmt: skip
 def test_keys_that_belong_elsewhere_are_told_where(folder, key, told):
     scene = load_scene(folder / "scene.toml")
     with pytest.raises(SceneError, match=f"{key.partition('.')[0]}: .*{told}"):
@@ -131,14 +122,11 @@ def test_a_near_spelling_is_suggested_and_none_for_what_is_far_from_all():
         material("xyz")
 
 
-@pytest.mark.parametrize(
-    ("name", "told", "values"),
-    [
-        ("youngs_modulus", "must be above 0 Pa, got", [0.0, -1.0, nan, inf]),
-        ("poissons_ratio", "must lie above -1 and up to 0.5", [-1.0, 0.5000001, nan, -inf]),
-        ("density", "must be above 0 kg/m³", [0.0, -1.0, nan, inf]),
-    ],
-)
+@pytest.mark.parametrize(("name", "told", "values"), [
+    ("youngs_modulus", "must be above 0 Pa, got", [0.0, -1.0, nan, inf]),
+    ("poissons_ratio", "must lie above -1 and up to 0.5", [-1.0, 0.5000001, nan, -inf]),
+    ("density", "must be above 0 kg/m³", [0.0, -1.0, nan, inf]),
+])  # fmt: skip
 def test_numbers_have_ranges(name, told, values):
     for value in values:
         with pytest.raises(ParameterError, match=f"{name}: {told}"):

@@ -121,18 +121,15 @@ def test_values_are_read_as_toml_writes_them_in_lists_and_new_tables_too():
     assert scene.lattice.shape == (40, 40)
 
 
-@pytest.mark.parametrize(
-    ("key", "value", "told"),
-    [
-        ("rule.treshold", "1", r"rule.treshold: unknown key \(did you mean 'threshold'\?\)"),
-        ("loads.1.steps", "1", "loads.1: loads is a list; its items are 0 to 0, .* no item '1'"),
-        ("loads.0.steps.0", "1", "loads.0.steps.0: loads.0.steps is 20, which has no parts"),
-        ("body..cells", "1", "is not a key path"),
-        ("loads.0.steps", "many", "loads.0.steps: must be a whole number, got 'many'"),
-        # one value cannot smuggle in another
-        ("loads.0.steps", "1\nother = 2", "loads.0.steps: must be a whole number"),
-    ],
-)
+@pytest.mark.parametrize(("key", "value", "told"), [
+    ("rule.treshold", "1", r"rule.treshold: unknown key \(did you mean 'threshold'\?\)"),
+    ("loads.1.steps", "1", "loads.1: loads is a list; its items are 0 to 0, .* no item '1'"),
+    ("loads.0.steps.0", "1", "loads.0.steps.0: loads.0.steps is 20, which has no parts"),
+    ("body..cells", "1", "is not a key path"),
+    ("loads.0.steps", "many", "loads.0.steps: must be a whole number, got 'many'"),
+    # one value cannot smuggle in another
+    ("loads.0.steps", "1\nother = 2", "loads.0.steps: must be a whole number"),
+])  # fmt: skip
 def test_paths_and_values_that_cannot_be(key, value, told):
     with pytest.raises(SceneError, match=told):
         Scene.from_toml(PLATE).with_overrides({key: value})

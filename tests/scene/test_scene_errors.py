@@ -109,18 +109,15 @@ def test_several_problems_are_told_together():
         scene({"thickness": -1}, loads=[{"cell": [0, 0], "force": [0, -1], "steps": 0}])
 
 
-@pytest.mark.parametrize(
-    ("cells", "legend", "told"),
-    [
-        ("##\n#", {"#": "ice"}, "line 2 has 1 letters, line 1 has 2; all rows must be equally"),
-        ("##\n#x", {"#": "ice"}, r"line 2, letter 2 is 'x', which \[legend\] does not explain"),
-        ("##", {}, "legend: is needed to explain the drawing"),
-        (np.zeros((3, 3)), {0: "ice"}, "must hold whole numbers, got float64"),
-        (np.zeros((3, 3), int), {1: "ice"}, r"9 cells have a code.* first 0 in cell \[0, 0\]"),
-        (np.zeros(3, int), {0: "ice"}, r"two or three axes, got shape \(3,\)"),
-        ("no.npy", {0: "ice"}, "body.array: no.npy: cannot be read: No such file"),
-    ],
-)
+@pytest.mark.parametrize(("cells", "legend", "told"), [
+    ("##\n#", {"#": "ice"}, "line 2 has 1 letters, line 1 has 2; all rows must be equally"),
+    ("##\n#x", {"#": "ice"}, r"line 2, letter 2 is 'x', which \[legend\] does not explain"),
+    ("##", {}, "legend: is needed to explain the drawing"),
+    (np.zeros((3, 3)), {0: "ice"}, "must hold whole numbers, got float64"),
+    (np.zeros((3, 3), int), {1: "ice"}, r"9 cells have a code.* first 0 in cell \[0, 0\]"),
+    (np.zeros(3, int), {0: "ice"}, r"two or three axes, got shape \(3,\)"),
+    ("no.npy", {0: "ice"}, "body.array: no.npy: cannot be read: No such file"),
+])  # fmt: skip
 def test_drawings_and_arrays(cells, legend, told):
     kind = "drawing" if isinstance(cells, str) and cells != "no.npy" else "array"
     with pytest.raises(SceneError, match=told):
@@ -159,14 +156,11 @@ def png_of(width, height):
     return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", head) + data + chunk(b"IEND", b"")
 
 
-@pytest.mark.parametrize(
-    ("content", "told"),
-    [
-        (b"no picture", "cannot be read as an image .*save it as PNG"),
-        (png_of(10_000, 10_000), "has 10000 x 10000 pixels, more than 5e"),
-        (png_of(100_000, 100_000), "unpacks to an enormous image"),
-    ],
-)
+@pytest.mark.parametrize(("content", "told"), [
+    (b"no picture", "cannot be read as an image .*save it as PNG"),
+    (png_of(10_000, 10_000), "has 10000 x 10000 pixels, more than 5e"),
+    (png_of(100_000, 100_000), "unpacks to an enormous image"),
+])  # fmt: skip
 def test_images_that_cannot_be_read(tmp_path, content, told):
     path = tmp_path / "body.png"
     path.write_bytes(content)

@@ -14,17 +14,14 @@ def test_whatever_holds_is_a_support(side):
     assert loaded("##\n##", sides={"left": side}).kinds([[0, 0]]).tolist() == [0]
 
 
-@pytest.mark.parametrize(
-    ("drawing", "sides", "told"),
-    [
-        ("##\n##", {}, r'nothing holds the body; .*bottom = "rigid"'),
-        ("##\n..", GROUND, "nothing holds the body"),
-        ("#.\n.=", {}, "nothing holds the body"),
-        ("..#\n...\n##.", GROUND, r"1 of its 2 parts .* the one with cell \[2, 2\]"),
-        (".#\n#.", GROUND, r"the one with cell \[1, 1\]"),  # a corner does not hold
-        ("...\n...", GROUND, "body: none of its cells is body"),
-    ],
-)
+@pytest.mark.parametrize(("drawing", "sides", "told"), [
+    ("##\n##", {}, r'nothing holds the body; .*bottom = "rigid"'),
+    ("##\n..", GROUND, "nothing holds the body"),
+    ("#.\n.=", {}, "nothing holds the body"),
+    ("..#\n...\n##.", GROUND, r"1 of its 2 parts .* the one with cell \[2, 2\]"),
+    (".#\n#.", GROUND, r"the one with cell \[1, 1\]"),  # a corner does not hold
+    ("...\n...", GROUND, "body: none of its cells is body"),
+])  # fmt: skip
 def test_a_body_or_a_part_that_touches_no_support_is_refused(drawing, sides, told):
     with pytest.raises(SceneError, match=told) as refused:
         loaded(drawing, sides=sides)

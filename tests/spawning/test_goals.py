@@ -146,16 +146,13 @@ def bar(dimension):
     return Scene(body=body, sides=sides, loads=[{"side": "right", "pressure": -1e6}])
 
 
-@pytest.mark.parametrize(
-    ("at", "middle"),
-    [
-        ((0.4, 0.03, 0.0), (0.4, 0.03, 0.0)),
-        ({"box": [[0.11, 0.02, 0.01], [0.23, 0.07, 0.07]]}, (0.17, 0.045, 0.04)),
-        ({"box": [[0.1, 0.0, 0.0], [0.1, 0.1, 0.1]]}, (0.1, 0.05, 0.05)),
-        ("right", (0.4, 0.05, 0.05)),
-        ("bottom", (0.2, 0.0, 0.0)),
-    ],
-)
+@pytest.mark.parametrize(("at", "middle"), [
+    ((0.4, 0.03, 0.0), (0.4, 0.03, 0.0)),
+    ({"box": [[0.11, 0.02, 0.01], [0.23, 0.07, 0.07]]}, (0.17, 0.045, 0.04)),
+    ({"box": [[0.1, 0.0, 0.0], [0.1, 0.1, 0.1]]}, (0.1, 0.05, 0.05)),
+    ("right", (0.4, 0.05, 0.05)),
+    ("bottom", (0.2, 0.0, 0.0)),
+])  # fmt: skip
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_mean_of_a_linear_field_is_its_value_in_the_middle(at, middle, dimension):
     middle = middle[:dimension]
@@ -193,15 +190,12 @@ def test_everything_is_stored(tmp_path, make):
 finely = cache(lambda make: solve(make(), tolerance=0.01))
 
 
-@pytest.mark.parametrize(
-    ("make", "quantity"),
-    [
-        (cube, Deflection({"box": [[0.375, 0.375, 1.0], [0.625, 0.625, 1.0]]}, "z")),
-        (cube, Stress({"box": [[0.375, 0.375, 0.5], [0.625, 0.625, 0.75]]}, "zz")),
-        (beam, Deflection("right", "z")),
-        (beam, Reaction("left")),
-    ],
-)
+@pytest.mark.parametrize(("make", "quantity"), [
+    (cube, Deflection({"box": [[0.375, 0.375, 1.0], [0.625, 0.625, 1.0]]}, "z")),
+    (cube, Stress({"box": [[0.375, 0.375, 0.5], [0.625, 0.625, 0.75]]}, "zz")),
+    (beam, Deflection("right", "z")),
+    (beam, Reaction("left")),
+])  # fmt: skip
 def test_goals_in_space_are_estimated(make, quantity):
     result = solve(make(), tolerance=0.05, goal=quantity)
     truth = finely(make).value_of(quantity)
@@ -212,19 +206,16 @@ def test_goals_in_space_are_estimated(make, quantity):
     assert "in space" in result.goals[0].no_bound
 
 
-@pytest.mark.parametrize(
-    ("asked", "match"),
-    [
-        ((0.3, 0.1), r"\(0\.3, 0\.1\) m lies outside the body"),
-        ((0.1, 0.1, 0.1), "must have 2 coordinates"),
-        ("botom", "no side 'botom'.*did you mean 'bottom'"),
-        ([], "a point, a box .* is needed"),
-        (Deflection((0.1, 0.1), "z"), "along must be x, y or a direction of 2 numbers, got 'z'"),
-        (Stress((0.1, 0.1), "zz"), "no stress 'zz'; there is xx, xy, yy, von_mises"),
-        (Reaction("left"), "nothing holds the body at 'left'; supports are bottom"),
-        ([(0.1, 0.1)] * 51, "51 quantities are more than 50"),
-    ],
-)
+@pytest.mark.parametrize(("asked", "match"), [
+    ((0.3, 0.1), r"\(0\.3, 0\.1\) m lies outside the body"),
+    ((0.1, 0.1, 0.1), "must have 2 coordinates"),
+    ("botom", "no side 'botom'.*did you mean 'bottom'"),
+    ([], "a point, a box .* is needed"),
+    (Deflection((0.1, 0.1), "z"), "along must be x, y or a direction of 2 numbers, got 'z'"),
+    (Stress((0.1, 0.1), "zz"), "no stress 'zz'; there is xx, xy, yy, von_mises"),
+    (Reaction("left"), "nothing holds the body at 'left'; supports are bottom"),
+    ([(0.1, 0.1)] * 51, "51 quantities are more than 50"),
+])  # fmt: skip
 def test_what_cannot_be_asked_is_told_in_one_line(asked, match):
     with pytest.raises(ParameterError, match=match) as caught:
         solve(plate(), tolerance=0.1, goal=asked)

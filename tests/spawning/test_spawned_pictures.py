@@ -122,15 +122,12 @@ def test_films_have_a_frame_for_each_generation(name, request, tmp_path):
         assert durations(path) == count
 
 
-@pytest.mark.parametrize(
-    ("options", "match"),
-    [
-        ({"colour": "levle"}, "did you mean 'level'"),
-        ({"colour": "von_mises", "generation": 0}, "last generation only"),
-        ({"generation": 99}, "generation: must lie between 0"),
-        ({"cut": {"y": 0.1}}, "only bodies of cubes"),
-    ],
-)
+@pytest.mark.parametrize(("options", "match"), [
+    ({"colour": "levle"}, "did you mean 'level'"),
+    ({"colour": "von_mises", "generation": 0}, "last generation only"),
+    ({"generation": 99}, "generation: must lie between 0"),
+    ({"cut": {"y": 0.1}}, "only bodies of cubes"),
+])  # fmt: skip
 def test_what_cannot_be_drawn_is_named(flat, options, match):
     with pytest.raises(ParameterError, match=match):
         plot(flat, "agents", **options)

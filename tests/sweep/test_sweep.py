@@ -108,29 +108,26 @@ BETA = {"rule.beta": [1.0]}
 UNEVEN = {"rule.beta": [1], "rule.threshold": [1, 2]}
 
 
-@pytest.mark.parametrize(
-    ("arguments", "options", "error", "message"),
-    [
-        ((SCENE, {"rule.treshold": [1.0]}), {}, kaju.KajuError, "did you mean 'threshold'"),
-        ((SCENE, {}), {}, ValueError, "vary: at least one quantity"),
-        ((SCENE, {"rule.threshold": 0.1}), {}, ValueError, "needs a list of values"),
-        ((SCENE, {"rule.threshold": []}), {}, ValueError, "has no values"),
-        ((SCENE, {"rule.beta": stats.uniform()}), {}, ValueError, "method='sobol' or 'lhs'"),
-        ((SCENE, {"rule.beta": [1]}), {"method": "gird"}, ValueError, "did you mean 'grid'"),
-        ((SCENE, {"rule.beta": [1]}), {"samples": 4}, ValueError, "as many points as its values"),
-        ((SCENE, BETA), {"method": "lhs"}, ValueError, "needs the number of points"),
-        ((SCENE, BETA), {"method": "sobol", "samples": 100}, ValueError, "take 64 or 128"),
-        ((SCENE, UNEVEN), {"method": "list"}, ValueError, "'rule.beta': 1, 'rule.threshold': 2"),
-        ((SCENE, {"rule.beta": [1]}, 3), {}, ValueError, "measure: must be a name"),
-        ((SCENE, {"run.rate": [1]}), {}, ValueError, "run.rate: .* material_agent=Mine"),
-        ((SCENE, {"run.thresold": [1]}), {"run": LoadModel}, ValueError, "mean 'threshold'"),
-        ((SCENE, {"run.luck": [1, 2]}), {"run": OnlyAhead}, ValueError, "material_agent=OnlyAhead"),
-        ((SCENE, BETA), {"run": 3}, ValueError, "run: must be a function or the class of a model"),
-        ((divmod, {"x": [1]}), {}, ValueError, "every run failed, the first with TypeError: "),
-        ((SCENE, {"rule.beta": [1]}), {"workers": 0.5}, ValueError, "workers: must be a whole"),
-        ((SCENE, {"rule.beta": [1]}), {"seed": -1}, ValueError, "seed: must be a whole"),
-    ],
-)
+@pytest.mark.parametrize(("arguments", "options", "error", "message"), [
+    ((SCENE, {"rule.treshold": [1.0]}), {}, kaju.KajuError, "did you mean 'threshold'"),
+    ((SCENE, {}), {}, ValueError, "vary: at least one quantity"),
+    ((SCENE, {"rule.threshold": 0.1}), {}, ValueError, "needs a list of values"),
+    ((SCENE, {"rule.threshold": []}), {}, ValueError, "has no values"),
+    ((SCENE, {"rule.beta": stats.uniform()}), {}, ValueError, "method='sobol' or 'lhs'"),
+    ((SCENE, {"rule.beta": [1]}), {"method": "gird"}, ValueError, "did you mean 'grid'"),
+    ((SCENE, {"rule.beta": [1]}), {"samples": 4}, ValueError, "as many points as its values"),
+    ((SCENE, BETA), {"method": "lhs"}, ValueError, "needs the number of points"),
+    ((SCENE, BETA), {"method": "sobol", "samples": 100}, ValueError, "take 64 or 128"),
+    ((SCENE, UNEVEN), {"method": "list"}, ValueError, "'rule.beta': 1, 'rule.threshold': 2"),
+    ((SCENE, {"rule.beta": [1]}, 3), {}, ValueError, "measure: must be a name"),
+    ((SCENE, {"run.rate": [1]}), {}, ValueError, "run.rate: .* material_agent=Mine"),
+    ((SCENE, {"run.thresold": [1]}), {"run": LoadModel}, ValueError, "mean 'threshold'"),
+    ((SCENE, {"run.luck": [1, 2]}), {"run": OnlyAhead}, ValueError, "material_agent=OnlyAhead"),
+    ((SCENE, BETA), {"run": 3}, ValueError, "run: must be a function or the class of a model"),
+    ((divmod, {"x": [1]}), {}, ValueError, "every run failed, the first with TypeError: "),
+    ((SCENE, {"rule.beta": [1]}), {"workers": 0.5}, ValueError, "workers: must be a whole"),
+    ((SCENE, {"rule.beta": [1]}), {"seed": -1}, ValueError, "seed: must be a whole"),
+])  # fmt: skip
 def test_what_cannot_be_swept_is_refused(arguments, options, error, message):
     with pytest.raises(error, match=message) as raised:
         sweep(*arguments, progress=False, **options)

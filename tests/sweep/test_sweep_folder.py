@@ -141,16 +141,13 @@ def test_a_sweep_from_the_command(swept):
     assert swept(*words)[1].output == done.output  # nothing is computed again
 
 
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        (["--vary", "rule.beta"], "KEY=VALUE,VALUE or KEY=LOW:HIGH"),
-        (["--vary", "rule.beta=2:1"], "LOW below HIGH"),
-        (["--vary", "rule.beta=0:1:log"], "above 0"),
-        (["--vary", "rule.beta=0:1"], "method='sobol' or 'lhs'"),
-        (["--vary", "rule.beta=0,1", "--run", "fem"], "--run: auto, agents, solve, stability"),
-    ],
-)
+@pytest.mark.parametrize(("options", "message"), [
+    (["--vary", "rule.beta"], "KEY=VALUE,VALUE or KEY=LOW:HIGH"),
+    (["--vary", "rule.beta=2:1"], "LOW below HIGH"),
+    (["--vary", "rule.beta=0:1:log"], "above 0"),
+    (["--vary", "rule.beta=0:1"], "method='sobol' or 'lhs'"),
+    (["--vary", "rule.beta=0,1", "--run", "fem"], "--run: auto, agents, solve, stability"),
+])  # fmt: skip
 def test_what_is_misspelt_is_refused(swept, tmp_path, options, message):
     with pytest.raises(KajuError, match=message):
         swept(*options)

@@ -125,29 +125,26 @@ def moved(change):
     return changed(centres=lambda self, cells: change(Triangles.centres(self, cells)))
 
 
-@pytest.mark.parametrize(
-    ("lattice", "words"),
-    [
-        (Triangles((3, 3), 0.01), "body.lattice: must be .* or a subclass of kaju.Lattice"),
-        (changed(kind="hexagon"), "needs a kind of its own, got 'hexagon'"),
-        (Lattice, "Lattice needs centres, outline; see kaju.Lattice"),
-        (changed(form=lambda self, cells: cells[:, 0] > 3), "form of Changed: must be whole"),
-        (changed(forms=3), r"form of Changed: must give all of \[0, 1, 2\], gives \[0, 1\]"),
-        (outlined(lambda o, form: o[::-1]), "outline of Changed: must run counter-clockwise"),
-        (outlined(lambda o, form: (1 + form) * o), "outline of Changed: .* one area"),
-        (outlined(lambda o, form: o[:, [0, 0, 0]]), "outline of Changed: must be of one shape"),
-        (outlined(lambda o, form: o + 0.02), "outline of Changed: must be convex about the cell's"),
-        (moved(lambda centres: 1.1 * centres), "centres of Changed: must leave no gaps"),
-        (moved(lambda centres: -centres), "centres of Changed: must go right"),
-        (
-            changed(
-                form=lambda self, cells: (cells[:, 0] > 4).astype(int),
-                centres=lambda self, cells: Triangles(self.shape, 0.01).centres(cells),
-            ),
-            "form of Changed: must repeat",
+@pytest.mark.parametrize(("lattice", "words"), [
+    (Triangles((3, 3), 0.01), "body.lattice: must be .* or a subclass of kaju.Lattice"),
+    (changed(kind="hexagon"), "needs a kind of its own, got 'hexagon'"),
+    (Lattice, "Lattice needs centres, outline; see kaju.Lattice"),
+    (changed(form=lambda self, cells: cells[:, 0] > 3), "form of Changed: must be whole"),
+    (changed(forms=3), r"form of Changed: must give all of \[0, 1, 2\], gives \[0, 1\]"),
+    (outlined(lambda o, form: o[::-1]), "outline of Changed: must run counter-clockwise"),
+    (outlined(lambda o, form: (1 + form) * o), "outline of Changed: .* one area"),
+    (outlined(lambda o, form: o[:, [0, 0, 0]]), "outline of Changed: must be of one shape"),
+    (outlined(lambda o, form: o + 0.02), "outline of Changed: must be convex about the cell's"),
+    (moved(lambda centres: 1.1 * centres), "centres of Changed: must leave no gaps"),
+    (moved(lambda centres: -centres), "centres of Changed: must go right"),
+    (
+        changed(
+            form=lambda self, cells: (cells[:, 0] > 4).astype(int),
+            centres=lambda self, cells: Triangles(self.shape, 0.01).centres(cells),
         ),
-    ],
-)
+        "form of Changed: must repeat",
+    ),
+])  # fmt: skip
 def test_a_lattice_that_does_not_fit_together_is_refused(lattice, words):
     with pytest.raises(SceneError, match=words):
         sheet(lattice=lattice)

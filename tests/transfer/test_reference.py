@@ -11,14 +11,11 @@ DOWN = 2
 
 
 @ENGINES
-@pytest.mark.parametrize(
-    ("threshold", "generations", "agents", "boundary", "taken", "column"),
-    [
-        (1e-2, 8, 34, 4, 12.879375, [2.25, 1.375, 0.875, 0.5625, 0.125, 0.0625, 2**-5, 2**-6]),
-        (1e-3, 11, 85, 13, 21.104765625, [2.296875, 1.5034375, 1.06765625, 0.5625, 0.359375]),
-        (1e-4, 15, 149, 22, 31.9290087890625, [2.306640625, 1.5502734375, 1.148671875, 0.79078125]),
-    ],
-)
+@pytest.mark.parametrize(("threshold", "generations", "agents", "boundary", "taken", "column"), [
+    (1e-2, 8, 34, 4, 12.879375, [2.25, 1.375, 0.875, 0.5625, 0.125, 0.0625, 2**-5, 2**-6]),
+    (1e-3, 11, 85, 13, 21.104765625, [2.296875, 1.5034375, 1.06765625, 0.5625, 0.359375]),
+    (1e-4, 15, 149, 22, 31.9290087890625, [2.306640625, 1.5502734375, 1.148671875, 0.79078125]),
+])  # fmt: skip
 def test_the_plate(engine, threshold, generations, agents, boundary, taken, column):
     model = LoadModel(Scene(**PLATE, rule=PrescribedRule(threshold=threshold)), engine=engine)
     stage = model.run().last

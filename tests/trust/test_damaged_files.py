@@ -48,20 +48,17 @@ def test_stages_out_of_order_are_refused_by_name(tmp_path, change):
         kaju.load_result(path)
 
 
-@pytest.mark.parametrize(
-    ("change", "named"),
-    [
-        (lambda arrays, about: about["stages"][0].update(generations=10**9), "generations"),
-        (lambda arrays, about: about["stages"][0].update(generations=10**30), "generations"),
-        (lambda arrays, about: about["stages"][0].pop("factor"), "'stages.0.factor' is missing"),
-        (lambda arrays, about: about["stages"].append({}), "stages"),
-        (lambda arrays, about: arrays.pop("stages.0.kept"), "'stages.0.kept' is missing"),
-        (lambda arrays, about: arrays["stages.0.cells"].fill(99), "'stages.0.cells' must be"),
-        (lambda arrays, about: arrays["stages.0.cells"].fill(9), "two agents"),
-        (lambda arrays, about: arrays["stages.0.history.generation"].fill(99), "last generation"),
-        (lambda arrays, about: arrays["stages.0.taken"].fill(np.nan), "finite"),
-    ],
-)
+@pytest.mark.parametrize(("change", "named"), [
+    (lambda arrays, about: about["stages"][0].update(generations=10**9), "generations"),
+    (lambda arrays, about: about["stages"][0].update(generations=10**30), "generations"),
+    (lambda arrays, about: about["stages"][0].pop("factor"), "'stages.0.factor' is missing"),
+    (lambda arrays, about: about["stages"].append({}), "stages"),
+    (lambda arrays, about: arrays.pop("stages.0.kept"), "'stages.0.kept' is missing"),
+    (lambda arrays, about: arrays["stages.0.cells"].fill(99), "'stages.0.cells' must be"),
+    (lambda arrays, about: arrays["stages.0.cells"].fill(9), "two agents"),
+    (lambda arrays, about: arrays["stages.0.history.generation"].fill(99), "last generation"),
+    (lambda arrays, about: arrays["stages.0.taken"].fill(np.nan), "finite"),
+])  # fmt: skip
 def test_a_tampered_file_is_refused_by_name(tmp_path, change, named):
     path = kaju.LoadModel(kaju.load_scene(PLATE)).run().save(tmp_path / "t.npz")
     rewritten(path, change)

@@ -100,16 +100,12 @@ def test_slips_are_scenes_or_errors_by_name(seed, count, tmp_path, monkeypatch):
 CIRCLE = ", ".join(f"[{0.1 + 1e-6 * k}, {0.1 + 1e-12 * k * k}]" for k in range(10_001))
 
 
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("a = " + "[" * 100_000, "nested too deeply"),
-        ("a = " + "{a = " * 5_000, "nested too deeply"),
-        (PLATE_TEXT + "steps = 100001", "steps: must be 100000 or less"),
-        (f"{PLATE_TEXT}[[body.regions]]\nmaterial = 'air'\npolygon = [{CIRCLE}]", "at most 10000"),
-    ],
-    ids=lambda value: value[:12],
-)
+@pytest.mark.parametrize(("text", "message"), [
+    ("a = " + "[" * 100_000, "nested too deeply"),
+    ("a = " + "{a = " * 5_000, "nested too deeply"),
+    (PLATE_TEXT + "steps = 100001", "steps: must be 100000 or less"),
+    (f"{PLATE_TEXT}[[body.regions]]\nmaterial = 'air'\npolygon = [{CIRCLE}]", "at most 10000"),
+], ids=lambda value: value[:12])  # fmt: skip
 def test_what_nobody_writes_is_refused_at_once(text, message):
     start = process_time()
     with pytest.raises(SceneError, match=message):

@@ -21,16 +21,13 @@ def block(youngs_modulus=1e9, ratio=0.3, load=None, **changes):
 
 
 @pytest.mark.parametrize("how", EVERY_WAY)
-@pytest.mark.parametrize(
-    "extreme",
-    [
-        {"youngs_modulus": 5e-324},
-        {"youngs_modulus": 1e-300},
-        {"thickness": 1e-300},
-        {"load": {"side": "top", "force": [0.0, 1e300]}},
-        {"load": {"side": "top", "force": [0.0, 1e140]}},  # its energy alone
-    ],
-)
+@pytest.mark.parametrize("extreme", [
+    {"youngs_modulus": 5e-324},
+    {"youngs_modulus": 1e-300},
+    {"thickness": 1e-300},
+    {"load": {"side": "top", "force": [0.0, 1e300]}},
+    {"load": {"side": "top", "force": [0.0, 1e140]}},  # its energy alone
+])  # fmt: skip
 def test_numbers_that_no_computer_holds_are_refused(extreme, how):
     with pytest.raises(SceneError, match=r"body, loads: .* 1e-?\d+"):
         solve(block(**extreme), **how)

@@ -139,16 +139,13 @@ def test_who_comes_second_is_refused_and_changes_nothing(old, new):
     assert names_here() == ["here"]
 
 
-@pytest.mark.parametrize(
-    ("place", "message"),
-    [
-        (".", "is the working folder"),
-        ("..", "is the working folder"),
-        ("/proc/kaju/here", "cannot be written"),
-        ("a file/here", "cannot be written"),
-        ("a file", "is a file"),
-    ],
-)
+@pytest.mark.parametrize(("place", "message"), [
+    (".", "is the working folder"),
+    ("..", "is the working folder"),
+    ("/proc/kaju/here", "cannot be written"),
+    ("a file/here", "cannot be written"),
+    ("a file", "is a file"),
+])  # fmt: skip
 def test_a_place_that_cannot_be_written_is_refused_before_anything_is_computed(place, message):
     Path("a file").write_text("")
     with pytest.raises(ResultFileError, match=message):

@@ -59,10 +59,7 @@ PARTS = [
     ({"sides": {"bottom": "rigd"}}, r"sides.bottom: there is no 'rigd' \(did you mean 'rigid'\?\)"),
     ({"sides": {"bottom": {"displacement": [0]}}}, "displacement: .* should have 2 numbers"),
     ({"loads": {"cell": [0, 0]}}, r"loads: must be a list.* write \[\[loads\]\], with two bra"),
-    (
-        {"body": BODY | {"regions": {"material": "air"}}},
-        r"body.regions: .* \[\[body.regions\]\], w",
-    ),
+    ({"body": BODY | {"regions": {"material": "air"}}}, r"regions: .* \[\[body.regions\]\], w"),
     ({"materials": {"a": {"E": 1e9}}}, r"a.E: unknown key \(did you mean 'youngs_modulus'\?\)"),
     ({"sides": {"bottom": "fixed"}}, r"no 'fixed' \(did you mean 'rigid'\?\)"),
     ({"history": {"steps": [{"hold": 1.0, "duration": 2.0}]}}, "history.steps.0.duration"),

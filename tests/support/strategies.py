@@ -156,16 +156,8 @@ def elastic_scenes(draw, extreme=True):
     loads = []
     for _ in range(draw(st.integers(1, 3))):
         at = draw(st.sampled_from(np.argwhere(codes > 0).tolist()))
-        loads.append(
-            draw(
-                st.sampled_from(
-                    [
-                        {"cell": at, "force": [draw(force) for _ in names[::2]]},
-                        {"side": "top", "pressure": draw(force)},
-                    ]
-                )
-            )
-        )
+        on_cell = {"cell": at, "force": [draw(force) for _ in names[::2]]}
+        loads.append(draw(st.sampled_from([on_cell, {"side": "top", "pressure": draw(force)}])))
     body = {"cell_size": 10.0 ** draw(st.integers(-9, 6) if extreme else st.just(-2))}
     if not solid:
         body |= {"plane": draw(st.sampled_from(["stress", "strain"])), "thickness": 0.01}
@@ -188,20 +180,17 @@ def shapes(draw, size):
     radius = 0.5 * min(span)
     (x0, y0), (x1, y1) = box
     corners = [[x0, y0], [x1, y0], [centre[0], y1]]
-    return draw(
-        st.sampled_from(
-            [
-                {"box": box},
-                {"disk": {"centre": centre, "radius": radius}},
-                {"ring": {"centre": centre, "inner": 0.4 * radius, "outer": radius}},
-                {"ellipse": {"centre": centre, "radii": [0.5 * s for s in span], "angle": 20.0}},
-                {"slot": {"ends": box, "radius": 0.3 * radius}},
-                {"rounded_box": {"box": box, "radius": 0.4 * radius}},
-                {"polygon": corners},
-                {"path": f"M {x0} {y0} H {x1} Q {x1} {y1} {centre[0]} {y1} Z"},
-            ]
-        )
-    )
+    every = [
+        {"box": box},
+        {"disk": {"centre": centre, "radius": radius}},
+        {"ring": {"centre": centre, "inner": 0.4 * radius, "outer": radius}},
+        {"ellipse": {"centre": centre, "radii": [0.5 * s for s in span], "angle": 20.0}},
+        {"slot": {"ends": box, "radius": 0.3 * radius}},
+        {"rounded_box": {"box": box, "radius": 0.4 * radius}},
+        {"polygon": corners},
+        {"path": f"M {x0} {y0} H {x1} Q {x1} {y1} {centre[0]} {y1} Z"},
+    ]
+    return draw(st.sampled_from(every))
 
 
 @st.composite

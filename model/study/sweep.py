@@ -33,6 +33,7 @@ from kaju.errors import ParameterError, ResultFileError, WorkerError, by_name, n
 from kaju.files import atomic_file, is_there
 from kaju.model.network import SpringNetwork
 from kaju.model.network import solve as solve_network
+from kaju.model.own_code import own_code, without_addresses
 from kaju.model.scene import Scene, load_scene
 from kaju.model.scene.validation import key_path, plain
 from kaju.model.transfer.load_model import LoadModel
@@ -103,7 +104,8 @@ def sweep(
         inside ``with joblib.parallel_config(backend="dask")`` a cluster of Dask computes.
     out : path, optional
         A folder: rows are kept there as they are finished (SQLite), and in the end as
-        ``table.csv``. The same call again computes only what is missing.
+        ``table.csv``. The same call again computes only what is missing; it is refused if code of
+        your own that makes the rows has changed.
     seed : int
         From which all random numbers are made.
     progress : bool, optional
@@ -120,7 +122,7 @@ def sweep(
     ParameterError, SceneError
         If points, measures or functions are not as above or fit no point, or all runs fail alike.
     ResultFileError
-        If the folder holds another sweep, or cannot be written.
+        If the folder holds another sweep, or rows of other code, or cannot be written.
     WorkerError
         If a run kills its process; what was finished is kept in `out`.
 
@@ -204,8 +206,10 @@ def _described(runs: SweepRun, points: Points, method: str) -> dict[str, Any]:
         "seed": runs.seed,
     }
     archive = scene.to_archive() if scene else None
-    identity = digest((json.dumps([about, points], default=str), archive))
-    return about | {"kaju_version": __version__, "identity": identity}
+    identity = digest((without_addresses(json.dumps([about, points], default=str)), archive))
+    chosen = [value for point in points for value in point.values() if not _is_figure(value)]
+    code = own_code([runs.subject, runs.run, runs.measure, chosen])
+    return about | {"kaju_version": __version__, "identity": identity, "code": code}
 
 
 def _named(what: Any) -> str:
@@ -335,12 +339,15 @@ def _store_of(out: Path | None, about: dict[str, Any]) -> SweepStore:
             raise ResultFileError(f"{out}: is not empty ({strangers[0]}); take another folder")
     store = SweepStore(out)
     store.begin(about)
-    if store.about()["identity"] != about["identity"]:
+    before = store.about()
+    now = about["code"].items()
+    changed = ", ".join(sorted(dict(before.get("code", about["code"]).items() ^ now)))
+    told = f"its rows were computed by other code ({changed} changed since)" if changed else ""
+    if before["identity"] != about["identity"]:
+        told = "holds another sweep (other points, scene, seed or measures)"
+    if told:
         store.close()
-        raise ResultFileError(
-            f"{out}: holds another sweep (other points, scene, seed or measures); "
-            "take another folder, or delete this one"
-        )
+        raise ResultFileError(f"{out}: {told}; take another folder, or delete this one")
     return store
 
 

@@ -1,10 +1,13 @@
 """Sweeps that are kept: resumed, killed, protected, on any back end, and typed."""
 
 import json
+import re
 import sqlite3
+import subprocess
 import sys
 import time
 from contextlib import closing, nullcontext
+from types import ModuleType
 
 import joblib
 import pandas
@@ -68,6 +71,72 @@ def test_another_sweep_is_not_mixed_in(tmp_path):
         kept(other)
     with pytest.raises(OSError, match="cannot be written"):
         kept(other / "thesis.tex" / "sweep")
+
+
+EDITED = """
+import functools, sys
+import numpy as np
+import kaju
+KEEP, WORDS, STEPS, RUNS = 0.5, ["up", "down"], np.arange(3.0), 0
+class Base(kaju.MaterialAgent):
+    \"\"\"Words, and no rule.\"\"\"
+    part = kaju.Parameter(0.25, 0.0, 1.0)
+    def emissions(self, load):
+        return [row._replace(share=KEEP * row.share) for row in super().emissions(load)]
+class Mine(Base):
+    left = property(lambda agent: 3.0)
+def doubled(x):
+    return 2 * x
+@functools.cache
+def counted(result):
+    global RUNS
+    RUNS += 1
+    return doubled(len(result.last.cells)) + len(WORDS) * STEPS.sum() * ("up" in {"up", "down"})
+def order(waiting):
+    return waiting
+def scaled(factor):
+    return lambda result: {"own": factor * counted(result)}
+def rows(out):
+    plate = kaju.Scene(body={"size": [0.1, 0.1], "cells": [4, 4], "material": "steel"},
+        sides={"bottom": "rigid"}, loads=[{"cell": [1, 3], "force": [0.0, -2.0]}])
+    run = functools.partial(kaju.LoadModel, material_agent=Mine, order=order)
+    told = {"workers": 1, "progress": False, "measure": scaled(1), "run": run}
+    return kaju.sweep(plate, {"rule.threshold": [0.1, 0.2]}, out=out, **told)["own"].tolist()
+"""
+EDITS = [
+    ("KEEP, WORDS, STEPS, RUNS = 0.5", "KEEP, WORDS, STEPS, RUNS = 0.25", "KEEP"),
+    ("KEEP * row", "KEEP**2 * row", "Base.emissions"),
+    ("Mine(Base)", "Mine(kaju.MaterialAgent)", "Base, Base.emissions, KEEP, Mine"),
+    ("Parameter(0.25", "Parameter(0.75", "Base"),
+    ("agent: 3.0", "agent: 4.0", "Mine.<lambda>"),
+    ("2 * x", "3 * x", "doubled"),
+    ('"down"], np', '"town"], np', "WORDS"),
+    ("arange(3.0)", "arange(4.0)", "STEPS"),
+    ("    return waiting", "    return waiting[:1]", "order"),
+    ("scaled(1)", "scaled(2)", "scaled.<locals>.<lambda>"),
+]
+
+
+def rows_of(text, out):
+    edited = sys.modules["edited"] = ModuleType("edited")
+    exec(text, vars(edited))
+    return edited.rows(out)
+
+
+def test_rows_of_other_code_are_not_mixed_in(tmp_path):
+    out = tmp_path / "sweep"
+    first = rows_of(EDITED, out)
+    assert rows_of(EDITED.replace("no rule", "none"), out) == first
+    (tmp_path / "edited.py").write_text(f"# told\n{EDITED}")
+    again = f"import sys; sys.path.insert(0, {str(tmp_path)!r}); import edited as e; "
+    code = again + f"print(e.rows({str(out)!r}))"
+    for seed in "12":  # by which sets are in another order
+        told = subprocess.check_output([sys.executable, "-c", code], env={"PYTHONHASHSEED": seed})
+        assert told.decode().strip() == str(first)
+    for old, new, named in EDITS:
+        assert EDITED.count(old) == 1, old
+        with pytest.raises(KajuError, match=rf"sweep: .* other code \({re.escape(named)} changed"):
+            rows_of(EDITED.replace(old, new), out)
 
 
 @linux

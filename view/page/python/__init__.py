@@ -24,6 +24,7 @@ from types import FunctionType
 from typing import Any
 
 from kaju.errors import needing
+from kaju.model.own_code import is_own
 
 from .heart import heart
 
@@ -103,9 +104,7 @@ def _source(part: type | FunctionType) -> str:
 def _own(name: str, of: Any) -> str:
     """Return the source or the line that makes what is called so; none of what others wrote."""
     if isinstance(of, (type, FunctionType)):
-        file = getattr(sys.modules.get(of.__module__), "__file__", None) or ""
-        theirs = of.__module__.partition(".")[0] in ("kaju", *sys.stdlib_module_names)
-        return "" if theirs or "-packages" in file or of.__name__ != name else _source(of)
+        return _source(of) if is_own(of.__module__) and of.__name__ == name else ""
     if getattr(math, name, None) is of:
         return f"from math import {name}"
     with suppress(ValueError, SyntaxError):

@@ -126,13 +126,6 @@ def test_stored_answers_are_read_as_they_were(answer, tmp_path, monkeypatch):
     np.testing.assert_array_equal(again.stress, answer.stress)
 
 
-def set_to(name, value):
-    def change(arrays, about):
-        arrays[name] = value(arrays[name])
-
-    return change
-
-
 def told(path, value):
     def change(arrays, about):
         *inside, name = path.split(".")
@@ -143,18 +136,12 @@ def told(path, value):
     return change
 
 
-def first(values, value):
-    values = values.copy()
-    values.flat[0] = value
-    return values
-
-
-LAST = "found.generations.0"
+LAST, MOVED = "found.generations.0", "found.solution.displacement.0"
 TREE = {
-    "index": (set_to(f"{LAST}.code", lambda v: first(v, 1 << 40)), "side by side"),
-    "size": (set_to(f"{LAST}.size", lambda v: first(v, 3)), "side by side"),
-    "nan": (set_to(f"{LAST}.gap", lambda v: first(v, np.nan)), "0.gap' must hold finite"),
-    "missing": (lambda arrays, about: arrays.pop(f"{LAST}.chosen"), "chosen' is missing"),
+    "index": (lambda arrays, _: arrays[f"{LAST}.code"].put(0, 1 << 40), "side by side"),
+    "size": (lambda arrays, _: arrays[f"{LAST}.size"].put(0, 3), "side by side"),
+    "nan": (lambda arrays, _: arrays[f"{LAST}.gap"].put(0, np.nan), "0.gap' must hold finite"),
+    "missing": (lambda arrays, _: arrays.pop(f"{LAST}.chosen"), "chosen' is missing"),
     "none": (told("found.PairAgents.generations", []), "no generation"),
     "resolution": (told("found.PairAgents.ground.resolution", "two"), "resolution"),
     "later": (told("format", 99), "in version 99"),
@@ -163,8 +150,8 @@ for value in ({}, float("nan"), "a", [1.0]):
     TREE[f"tolerance {value}"] = (told("tolerance", value), "'tolerance' must")
 CELLS = {
     "another version": (told("format", 3), "version 3 of the format"),
-    "shape": (set_to("found.solution.displacement.0", lambda v: v[:, :-1]), "displacement"),
-    "infinite": (set_to("found.solution.displacement.1", lambda v: first(v, np.inf)), "finite"),
+    "shape": (lambda arrays, _: arrays.update({MOVED: arrays[MOVED][:, :-1]}), "displacement"),
+    "infinite": (lambda arrays, _: arrays[MOVED].put(0, np.inf), "finite"),
     "division": (told("found.CellAgents.division", -3), "division"),
     "storage": (told("found", {"Heap": {}}), "Heap"),
     "scene": (told("found.CellAgents.scene", "body = 3"), "damaged"),

@@ -58,6 +58,9 @@ def test_the_peak_is_known_to_the_tolerance(hole, truth, tolerance) -> None:
     assert answer.agents < 300
     with pytest.raises(kaju.KajuError, match="along the outline 'hole' only the stresses 'hoop'"):
         answer.value_of(kaju.Stress("hole", "xx"))
+    proved = kaju.solve(plate(hole), tolerance=0.01)
+    assert proved.outline_stress("hole")[1].max() == pytest.approx(truth, rel=0.02)
+    assert (proved.agents < 450, proved.notes) == (True, ())
 
 
 @pytest.mark.slow

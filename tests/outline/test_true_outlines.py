@@ -98,19 +98,6 @@ def test_a_plate_with_a_hole_lies_within() -> None:
     assert answer.agents < 2 * 89
 
 
-@pytest.mark.parametrize(("across", "along"), [(1.0, 1.0), (1.0, 1.0 / 3.0)])
-def test_peaks_at_small_holes_are_met(across: float, along: float) -> None:
-    hole = {"ellipse": {"centre": [0.0, 0.0], "radii": [along, across]}, "material": "air"}
-    hole |= {"outline": "true", "name": "hole"}
-    body = {"size": [20.0, 20.0], "cells": [8, 8], "material": "steel", "regions": [hole]}
-    pulled = plate(loads=[{"side": "right", "pressure": -1.0}])
-    peak = 1.0 + 2.0 * across / along
-    fine = kaju.solve(pulled.replace(body=body), tolerance=0.01)
-    assert fine.outline_stress("hole")[1].max() == pytest.approx(peak, rel=0.02)
-    assert fine.agents < 450
-    assert not fine.notes
-
-
 def test_holes_smaller_than_any_agent_end() -> None:
     answer = kaju.solve(plate(1e-7), tolerance=0.1)
     assert answer.tolerance_kept == "proved"
@@ -216,15 +203,11 @@ def test_weight_along_curves_is_estimated(shapes, way, cells) -> None:
     assert off < 2.0 * rough.error_estimate**2
 
 
-def test_a_scene_with_true_outlines_survives_its_file_and_its_archive(tmp_path: Path) -> None:
+def test_a_scene_with_true_outlines_survives_its_file_and_its_archive() -> None:
     scene = ring(0.1, 0.2)
     again = kaju.Scene.from_toml(scene.to_toml())
     assert again == scene
-    answer = kaju.solve(scene, tolerance=0.2)
-    loaded = kaju.load_result(answer.save(tmp_path / "ring"))
-    assert loaded.summary() == answer.summary()
-    assert np.array_equal(loaded.outline_stress("bore")[1], answer.outline_stress("bore")[1])
-    assert len(kaju.plot(answer).axes) == 2
+    assert kaju.Scene.from_archive(*scene.to_archive()) == scene
     drawn = kaju.plot(scene)
     assert any(text.get_text() == "The scene" for text in drawn.findobj(Text))
     (steel,) = (

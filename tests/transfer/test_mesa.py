@@ -52,8 +52,9 @@ def test_a_step_in_which_no_agent_acts_is_refused_at_once():
     idle, late = (type("Mine", (LoadModel,), {"step": step}) for step in (
         lambda model: None, lambda model: LoadModel.step(model) if model.steps > 1 else None
     ))  # fmt: skip
-    with pytest.raises(AgentError, match=r"Mine.step lets no agent act; call super\(\).step"):
-        idle(plate()).run()
+    for engine in ("agents", "arrays"):
+        with pytest.raises(AgentError, match=r"Mine.step lets no agent act; call super\(\).step"):
+            idle(plate(), engine=engine).run()
     assert late(plate()).run().last.outcome.startswith("at rest")
     for name in ("setp", "on_step"):
         with pytest.raises(ParameterError, match=rf"Mine has a method '{name}', .* mean 'step'\?"):

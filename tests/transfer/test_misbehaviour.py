@@ -287,24 +287,14 @@ def test_what_could_not_be_read_again_is_not_saved(number, tmp_path):
     assert not list(tmp_path.iterdir())
 
 
-def steps(step):
-    return type("Steps", (LoadModel,), {"step": step})
-
-
 @pytest.mark.parametrize("step", [
     lambda self: self.agents.shuffle_do("step"),
     lambda self: [LoadModel.step(self) for _ in "ab"],
 ])  # fmt: skip
 def test_a_step_of_ones_own_gives_the_same_loads(step):
-    model = steps(step)
+    model = type("Steps", (LoadModel,), {"step": step})
     usual, own = (kind(scene(), engine="agents", seed=3).run().last for kind in (LoadModel, model))
     assert own.outcome == usual.outcome
     assert own.ledger.taken == pytest.approx(usual.ledger.taken, rel=1e-12)
     assert own.ledger.imbalance < 1e-12
     assert sorted(own.cells.tolist()) == sorted(usual.cells.tolist())
-
-
-@pytest.mark.parametrize("engine", ["agents", "arrays"])
-def test_a_step_in_which_nobody_acts_is_told(engine):
-    with pytest.raises(KajuError, match=r"super\(\)\.step\(\)"):
-        steps(lambda self: None)(scene(), engine=engine).run(until=1)

@@ -16,6 +16,9 @@ class Amounts(dict[Any, float]):
     """Loads or shares that are added up by a key; a key without an entry has 0."""
 
     def __missing__(self, key: object) -> float:
+        if isinstance(key, str):  # a name such as "-y" has no loads, ever
+            told = "loads stand under the number of a direction; it is"
+            raise AgentError(f"{key!r}: {told} model.lattice.direction_names.index({key!r})")
         return 0.0
 
 

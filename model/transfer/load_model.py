@@ -275,6 +275,10 @@ class LoadModel(SteppedModel):
         """Return the material agent of a cell of the scene, None if no load has woken it."""
         told = f"index: column and row of a cell are needed, such as (10, 19), got {brief(index)}"
         require(hasattr(index, "__len__") and len(index) == self.lattice.dimension, told)
+        cells = " x ".join(map(str, self.lattice.shape))
+        told = f"index: {brief(index)} is far outside of the {cells} cells"
+        for at, count in zip(index, self.lattice.shape, strict=True):
+            require(-1 <= at <= count, told)  # who asks for its neighbours meets -1 and the count
         return self._objects().agents.get(tuple(index))
 
     def axis_of(self, direction: int) -> int:

@@ -130,12 +130,17 @@ def test_examples_pasted_unchanged_run_or_name_what_is_missing(opened, pages):
     assert len(EXAMPLES) - len(lacks) >= 8
     lost = runs(page, CLASS + "def take(self, load): pass")
     assert (round(lost["taken"], 9), round(lost["lost"], 2)) == (0.0, 0.77)
+    rows = "return super().emissions(load)[: 1 + round(1e5 * sum(self.position)) % 3]"
+    two = f"{CLASS}pass\n{CLASS}def emissions(self, load): {rows}".replace("Mine", "Other", 1)
+    page = opened(pages["hexagons"])
+    check_alike(page, "hexagons", "two classes", two)
+    assert "`Other` did not run: of several classes of one kind the last" in page.text("aside")
 
 
-TAKE = """from kaju import MaterialAgent
-
+TAKE = """from kaju import MaterialAgent, State
 
 class Mine(MaterialAgent):
+    broken = State(False)
     def take(self, load):
         super().take(load)
         """
@@ -152,6 +157,11 @@ MISTAKES = [  # what comes before, what is written, the line, and words of the s
     (TAKE, "math.sqrt(2)", 7, "`math` ist nicht bekannt"),
     (TAKE, "1 / 0", 7, "Division durch null"),
     (TAKE, "self.cell.get_neighborhood(2)", 7, "Seite nicht; self.model.agent_at(place) gibt"),
+    (TAKE, "self.taken['-y']", 7, "model.lattice.direction_names.index('-y')"),
+    (TAKE, "self.model.agent_at((-1, 22))", 7, "(-1, 22) liegt weit außerhalb der 20 x 20 Zellen"),
+    (TAKE, "self.random()", 7, "schreibe self.random.random()"),
+    (TAKE, "import random; random.choice([1])", 7, "schreibe self.random.choice"),
+    (TAKE, "self.model.agent_at((-1, 20))\n        self.brocken = 1", 8, "meinst du `broken`?"),
     (TAKE, "while True: pass", 7, "eine Schleife ohne Ende?"),
     (TAKE, "self.kept = 'much'", 7, "hat 'much' N behalten"),
     (TAKE, "self.kept += '1'", 7, KIND),

@@ -116,9 +116,11 @@ def test_until_pauses_and_a_finished_model_counts_nothing(engine):
     told = r"until: a function of the model \(until=lambda model"
     with pytest.raises(ParameterError, match=told):
         model.run(until=lambda: True)
-    for index in (3, (3, 4, 0, 1)):
-        with pytest.raises(ParameterError, match=r"index: .* such as \(10, 19\), got \(?3"):
+    asked = {3: "got 3", (3, 4, 0): "got", (-1, 22): r"\(-1, 22\) is far outside of the 20 x 20"}
+    for index, told in asked.items():
+        with pytest.raises(ParameterError, match=f"^index: .*{told}"):
             model.agent_at(index)
+    assert LoadModel(plate()).agent_at((-1, 20)) is None
     assert (model.steps, model.running) == (4, True)
     model.run()
     steps = model.steps

@@ -236,6 +236,7 @@ class Face(FaceAgent):
 @pytest.mark.parametrize(("own", "told", "note"), [
     ({"material_agent": Mine}, "load._replace.magnitude=", "take of Mine at cell (1, 2) in gener"),
     ({"material_agent": Reads}, "invalid literal", "pass_on of Reads at cell (1, 2) in gener"),
+    (after_take(lambda self, load: self.taken["-y"]), "direction_names.index", "take of Mine"),
     (after_take(lambda self, load: load + load), "take load.total", "take of Mine at cell (1, 2)"),
     (each(lambda *row: 0.5 * kaju.Emission(*row)), "row._replace", "pass_on of Mine at cell"),
     (ADDS, "tuple", f"{THERE}; [*super().emissions(load), row] adds a row"),

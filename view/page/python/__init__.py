@@ -37,7 +37,9 @@ SMALL = {
     "dataclasses": "def replace(of, **named):\n    return of._replace(**named)\n",
     "typing": "class A:\n    def __getitem__(self, what):\n        return self\n"
     "Any = ClassVar = A()\n",
-    "random": "from kaju import Random\n",
+    "random": "from kaju import Elsewhere, Random\n"
+    'for name in ("random", "uniform", "randint", "choice", "shuffle", "sample"):\n'
+    '    globals()[name] = Elsewhere(f"random.{name}", f"write self.random.{name}")\n',
 }
 """Modules of Python that agents may import, as far as they need them."""
 

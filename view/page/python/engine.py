@@ -40,6 +40,9 @@ class Material(Record):
 class Random(Twister):
     """Python's random numbers, from a seed."""
 
+    def __call__(self):
+        raise KajuError("self.random(): is not in the page; write self.random.random()")
+
     def uniform(self, low, high):
         return low + (high - low) * self.random()
 
@@ -140,9 +143,21 @@ class Table:
 def islice(values, most):
     return [value for value, _ in zip(values, range(most))]
 
+def alike(a, b):
+    """How many letters two names share, as difflib counts: the longest common run, then beside it."""
+    ends = [(i, j) for i in range(len(a)) for j in range(len(b)) if a[i] == b[j]]
+    runs = [(n, -i, -j) for i, j in ends for n in range(1, len(a) - i + 1) if a[i : i + n] == b[j : j + n]]
+    n, i, j = max(runs) if runs else (0, 0, 0)
+    return n and n + alike(a[:-i], b[:-j]) + alike(a[n - i :], b[n - j :])
+
+def get_close_matches(name, known, n, cutoff):
+    ratio = lambda one: 2.0 * alike(name, one) / (len(name) + len(one))
+    return [one for one in sorted(known, key=ratio, reverse=True) if ratio(one) >= cutoff][:n]
+
 add = int.__add__
 Real, Integral, SENSES = int | float, int, ("push", "pull")
-np, float_info = Table({"bool_": bool, "generic": Elsewhere}), Table({"max": 1.7976931348623157e308})
+np = Table({"bool_": bool, "generic": Elsewhere, "array": list})
+float_info = Table({"max": 1.7976931348623157e308})
 
 # ---- kaju
 
@@ -158,6 +173,10 @@ class Model(LoadModel):
         table.arms = [tuple(arms) for arms in table.arms]
         ways = [((d, 1.0),) for d in range(table.directions)]
         beside = [[Lateral(*row) for row in rows] for rows in table.beside]
+        half = lambda at: 0.5 + 0.5 * (at[1] % table.forms)  # each other row of hexagons is shifted
+        along = lambda at: [at[0] + half(at), (at[1] + 2.0 / 3.0) * (3.0**0.5 / 2.0)]
+        middle = along if table.forms > 1 else lambda at: [each + 0.5 for each in at]
+        table.centres = lambda cells: [[table.cell_size * x for x in middle(at)] for at in cells]
         table.way = lambda d, form: Neighbourhood(ways[d], ways[table.opposite[d]], beside[d])
         shares, materials = told["shares"], told["materials"]
         self.transfer = Transfer()
@@ -198,11 +217,12 @@ class PageEngine(AgentEngine):
 def begin(names, told):
     """Take the last class of agents, boundaries and the order in a code; say what they declare."""
     global engine, order
-    classes, order = {}, None
+    classes, order, spare = {}, None, []
     for value in names.values():
         if isinstance(value, type):
             for name, usual in (BOUNDARIES | {"": MaterialAgent}).items():
                 if issubclass(value, usual) and value is not usual:
+                    spare += [classes[name]] if name in classes else []
                     classes[name] = value
         elif isinstance(value, type(begin)) and (value.__code__.co_varnames or [""])[0] == "waiting":
             order = value
@@ -212,10 +232,11 @@ def begin(names, told):
     numbers = declared(classes.values(), Parameter)
     values = {name: told["parameters"].get(name, p.default) for name, p in numbers.items()}
     named = [one.__name__ for one in (*classes.values(), order) if one]
+    spare = [one.__name__ for one in spare if not any([issubclass(own, one) for own in classes.values()])]
     engine = PageEngine(Model(told, values), classes.pop("", MaterialAgent), classes)
     return [
         [[n, p.text or n, p.low, p.high, engine.model.parameters[n], p.whole] for n, p in numbers.items()],
-        [[n, s.meaning or n, isinstance(s.default, bool)] for n, s in engine.states.items()], named,
+        [[n, s.meaning or n, isinstance(s.default, bool)] for n, s in engine.states.items()], named, spare,
     ]
 
 def generation():
@@ -244,6 +265,8 @@ def generation():
 def totals():
     """What all have done so far, and what came to each kind of boundary."""
     agents, walls = engine.agents.values(), engine.boundaries.values()
+    for agent in {tuple(vars(agent)): agent for agent in agents}.values():  # one of each set of names
+        engine.guard.check_books(agent)
     kept, dropped = sum([a.kept for a in agents]), engine.dropped + sum([a.dropped for a in agents])
     arrived = [sum([sum(w.taken.values()) for w in walls if isinstance(w, of)]) for of in BOUNDARIES.values()]
     absorbed = sum([w.kept for w in walls])

@@ -23,7 +23,7 @@ WHOLE: tuple[Any, ...] = (
     material_agent.LoadBox, material_agent.PlacedAgent, material_agent.MaterialAgent,
     boundary_agent.BoundaryAgent, boundary_agent.FreeBoundaryAgent,
     boundary_agent.RigidBoundaryAgent, boundary_agent.RollerBoundaryAgent,
-    own_agents.OwnAgents, transfer.check_shares,
+    own_agents._near, own_agents.OwnAgents, transfer.check_shares,
 )  # fmt: skip
 """Classes and functions, in an order in which each finds its bases."""
 METHODS: dict[Any, tuple[str, ...]] = {

@@ -76,8 +76,8 @@ function lineOf(error, args) {
 /** Run the classes of a code on a scene. */
 function play({ code, scene, cells, stage, parameters, warming }) {
   const run = new Written(scene, cells, stage), names = py.runPythonSource(code, { id: "agent" }), until = warming ? Date.now() + 100 : Infinity;
-  const [numbers, states, classes] = python.begin(names.dict ?? py.builtins.vars(names), py.structuredclone2pyobj(run.told(parameters)));
-  if (!warming) post({ declares: { states, names: classes, parameters: numbers.map(([name, label, low, high, value, whole]) => ({ name, label, low, high, value, whole })) } });
+  const [numbers, states, classes, spare] = python.begin(names.dict ?? py.builtins.vars(names), py.structuredclone2pyobj(run.told(parameters)));
+  if (!warming) post({ declares: { states, names: classes, spare, parameters: numbers.map(([name, label, low, high, value, whole]) => ({ name, label, low, high, value, whole })) } });
   run.begin(python, states);
   while (!run.over && run.generation < MOST && run.taken.n < MOST_ROWS && Date.now() < until) { run.step(); steps++; live(); }
   return { ...run.shown, grew: run.grown ? lines.emissions ?? lines.pass_on ?? lines.take ?? 0 : 0 };   // a line that lets more go than came

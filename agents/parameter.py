@@ -34,7 +34,7 @@ class Declaration:
         if not is_number(value) or isinstance(value, bool | np.bool_) != self.is_bool:
             return False
         within = self.low is None or self.low <= value <= self.high
-        return within and (not self.whole or value == int(value))
+        return within and (not self.whole or (value == int(value) and abs(value) <= 2**53))
 
 
 class Parameter(Declaration):
@@ -141,7 +141,7 @@ class State(Declaration):
     def __init__(self, default: Any, meaning: str = "") -> None:
         super().__init__(default)
         self.meaning = meaning
-        self.kind += " (State(0.0) takes any)" * self.whole
+        self.kind += " up to 2**53 (State(0.0) takes any)" * self.whole
         told = "State: its default must be a number, True or False"
         require(is_number(default), f"{told}, got {brief(default)}")
 

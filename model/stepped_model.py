@@ -18,7 +18,7 @@ from kaju.agents.face_agent import FaceAgent
 from kaju.agents.material_agent import PlacedAgent
 from kaju.agents.own_agents import HOOKS, check_methods
 from kaju.agents.parameter import Declaration, declared
-from kaju.errors import AgentError, ParameterError, brief, require
+from kaju.errors import AgentError, ParameterError, brief, require, takes
 from kaju.result_kinds import html_in_notebook
 
 
@@ -50,7 +50,8 @@ class SteppedModel(Model):
             told = f"{name}: a {type(one).__name__} stands on the class of the agents, and not on"
             raise ParameterError(f"{told} {type(self).__name__}; declare it there")
         told = "order: a function of the agents for which loads wait is needed"
-        require(order is None or callable(order), f"{told}, got {brief(order)}")
+        fits = order is None or (callable(order) and takes(order, []))
+        require(fits, f"{told}, got {brief(order)}")
         self.order = order
         require(rng is None or seed is None, "seed: is another word for rng; give one of them")
         self._own_step = self.step  # of this class, or of a subclass

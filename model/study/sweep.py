@@ -426,6 +426,7 @@ def _measured(result: Any, measure: Measure) -> Row:
     if callable(measure):
         value = measure(result)
         name = getattr(measure, "__name__", "measure").replace("<lambda>", "measure")
+        require(value is not None, f"measure: {name} returned None; let it return a number")
         found: Mapping[str, Any] = value if isinstance(value, Mapping) else {name: value}
     else:
         table = _table(result)

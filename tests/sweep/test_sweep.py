@@ -120,6 +120,7 @@ UNEVEN = {"rule.beta": [1], "rule.threshold": [1, 2]}
     ((SCENE, BETA), {"method": "sobol", "samples": 100}, ValueError, "take 64 or 128"),
     ((SCENE, UNEVEN), {"method": "list"}, ValueError, "'rule.beta': 1, 'rule.threshold': 2"),
     ((SCENE, {"rule.beta": [1]}, 3), {}, ValueError, "measure: must be a name"),
+    ((SCENE, BETA, lambda of: None), {}, ValueError, "measure returned None; let it return a"),
     ((SCENE, {"run.rate": [1]}), {}, ValueError, "run.rate: .* material_agent=Mine"),
     ((SCENE, {"run.thresold": [1]}), {"run": LoadModel}, ValueError, "mean 'threshold'"),
     ((SCENE, {"run.luck": [1, 2]}), {"run": OnlyAhead}, ValueError, "material_agent=OnlyAhead"),

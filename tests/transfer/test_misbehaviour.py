@@ -130,6 +130,7 @@ REFUSED = {
     "gives back inside": material(give_back=lambda self, load, arm: load),
     "rule takes none": {"rule": type("Mine", (kaju.PrescribedRule,), {"shares": lambda m: 0})()},
     "rule misspelt": {"rule": type("Mine", (kaju.PrescribedRule,), {"share": lambda *of: 0})()},
+    "order takes two": {"order": lambda model, agents: agents},
     "order chooses nobody": {"order": lambda agents: []},
     "order chooses others": {"order": lambda agents: [object()]},
     "order without end": {"order": lambda agents: repeat(agents[0])},

@@ -72,7 +72,7 @@ def test_states_are_columns_pictures_films_and_are_stored(result, tmp_path):
 
 @pytest.mark.parametrize(("default", "value", "kind"), [
     (False, "yes", "bool"), (0, 0.5, "whole number"), (0.0, np.nan, "finite number"),
-    (0.0, np.ones(2), "finite number"),
+    (0.0, np.ones(2), "finite number"), (0, 2**70, "whole number up to"),
 ])  # fmt: skip
 def test_a_state_of_another_kind_is_refused_by_name(default, value, kind):
     def take(self, load):

@@ -91,7 +91,7 @@ def export_page(
         elastic rule by `ElasticModel`. Of agents of your own give the model, best before it runs:
         a result does not know their source, nor what they did in each generation.
     path : path
-        The file to write, ending in ``.html``.
+        The file to write, ending in ``.html`` or ``.htm``.
     title, text : str or mapping of str to str, optional
         Headline, and what is written beside the picture, in Markdown: headings, lists, tables,
         links, ``**bold**``, ``*emphasis*``. A mapping has a text for each language.
@@ -116,7 +116,7 @@ def export_page(
     Raises
     ------
     ParameterError
-        If a page cannot show it, or the name of the file does not end in ``.html``.
+        If a page cannot show it, or the name of the file ends otherwise.
     ResultFileError
         If the file cannot be written.
 

@@ -69,8 +69,8 @@ def check_class(name: str, agent: object, base: type) -> None:
         told = f"{whose}.{hook} takes {signature(function)}, but a model calls it with"
         cure = "; take *start and call super().__init__(*start) first" * (hook == "__init__")
         require(takes(function, *start), f"{told} ({', '.join(start)}){cure}")
-    told = f"{whose}.step never calls super().step(), so its agents would take no load; call it,"
-    acts = "step" not in own or {"step", "take", "pass_on"} & _names_in(brought["step"])
+    told = f"{whose}.step never calls super().step(), so loads would wait for ever; call it,"
+    acts = "step" not in own or {"step", "inbox"} & _names_in(brought["step"])
     require(bool(acts), f"{told} or override take, emissions or pass_on instead")
 
 

@@ -188,7 +188,7 @@ MISTAKES = [  # what comes before, what is written, the line, and words of the s
     ("", "from kaju import MaterialAgnt", 1, "kein `MaterialAgnt`; meinst du `MaterialAgent`?"),
     ("", "x = 1", 1, "there is no class of agents"),
     (CLASS, "def respond(self, load): pass", 3, "niemand ruft `respond` auf; meinst du `take`?"),
-    (CLASS, "def step(self):\n\n        self.x = 1", 3, "ruft nie `super().step()` auf"),
+    (CLASS, "def step(self):\n\n        self.take(None)", 3, "ruft nie `super().step()` auf"),
     (CLASS, "def on_tick(self): pass", 3, "niemand ruft `on_tick` auf; meinst du `step`?"),
     (CLASS, "def take(self, load): self.model.threshold = 1", 3, "`threshold` gehört zum Modell"),
     (CLASS, "def passOn(self, load): pass", 3, "niemand ruft `passOn` auf; meinst du `pass_on`?"),

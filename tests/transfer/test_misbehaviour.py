@@ -122,7 +122,7 @@ REFUSED = {
     "wall remembers": wall(wet=State(0)),
     "pass_on twice": passes(lambda self, load: [MaterialAgent.pass_on(self, load) for _ in "ab"]),
     "passes rows on": passes(lambda self, load: self.emissions(load)),
-    "steps without super": material(step=lambda self: None),
+    "steps without super": material(step=lambda self: [self.take(o) for o in self.waiting()]),
     **{f"hook {name}": material(**{name: lambda self, load: None}) for name in ELSEWHERE},
     "answers loads under another name": material(respond=lambda self, load: None),
     "gives back under another name": wall(soak=lambda self, load, arm: None),

@@ -27,7 +27,7 @@ export function refused(code) {
     const hook = method && !HOOKS.includes(method) && !called() && (MEANT[bareName] ?? HOOKS.find((name) => name === bareName || near(bareName, name)) ?? (!hooked && /\(self, load\b/.test(text) && "take"));   // without any hook
     if (hook) return { line: n + 1, word: method, key: "notCalled", hook };
     const end = lines.findIndex((one, at) => at > n && one.trim() && indent(one) <= indent(text)), body = [text.replace("step", ""), ...lines.slice(n + 1, end < 0 ? undefined : end)].join("\n");
-    if (method === "step" && !/\b(step|take|pass_on)\b/.test(body)) return { line: n + 1, word: "super().step()", key: "neverTakes" };
+    if (method === "step" && !/\b(step|inbox)\b/.test(body)) return { line: n + 1, word: "super().step()", key: "neverTakes" };
   }
   return null;
 }

@@ -70,9 +70,8 @@ def own_code(of: Any) -> dict[str, str]:
         if type(of) in PARTS:
             return [told(getattr(of, part)) for part in PARTS[type(of)]]
         own = all(is_own(base.__module__) for base in type(of).__mro__[:-1])
-        if (own or isinstance(of, Declaration)) and new(of):
-            return told([type(of), getattr(of, "__dict__", 0), repr(of)])
-        return without_addresses(repr(of))
+        held = getattr(of, "__dict__", 0) if own or isinstance(of, Declaration) else 0
+        return [told(type(of)), without_addresses(repr(of)), told(held) if held and new(of) else 0]
 
     def kind(of: type) -> Any:
         parts = vars(of).items()
@@ -88,11 +87,11 @@ def own_code(of: Any) -> dict[str, str]:
         homes = [of.__globals__]
         for home in homes:  # names of a module's attributes are among those of the code
             for name in sorted(names & home.keys()):
-                one, first = home[name], home is homes[0]
-                if first and isinstance(one, ModuleType) and is_own(one.__name__):
-                    homes.append(vars(one))
-                what = told(one)
-                if not isinstance(one, type | FunctionType | ModuleType):
+                one = home[name]
+                if isinstance(one, ModuleType):
+                    known = not is_own(one.__name__) or any(vars(one) is each for each in homes)
+                    homes += [] if known else [vars(one)]
+                elif (what := told(one)) and not isinstance(one, type | FunctionType):
                     rows = noted.setdefault(name, [])
                     rows += [what] * (what not in rows)
         closed: list[Any] = []

@@ -92,6 +92,9 @@ def counted(result):
     global RUNS
     RUNS += 1
     return doubled(len(result.last.cells)) + len(WORDS) * STEPS.sum() * ("up" in {"up", "down"})
+class Rule(kaju.PrescribedRule):
+    def shares(self, material, dimension):
+        return super().shares(material, dimension)._replace(own=0.5)
 def order(waiting):
     return waiting
 def scaled(factor):
@@ -99,7 +102,7 @@ def scaled(factor):
 def rows(out):
     plate = kaju.Scene(body={"size": [0.1, 0.1], "cells": [4, 4], "material": "steel"},
         sides={"bottom": "rigid"}, loads=[{"cell": [1, 3], "force": [0.0, -2.0]}])
-    run = functools.partial(kaju.LoadModel, material_agent=Mine, order=order)
+    run = functools.partial(kaju.LoadModel, material_agent=Mine, order=order, rule=Rule())
     told = {"workers": 1, "progress": False, "measure": scaled(1), "run": run}
     return kaju.sweep(plate, {"rule.threshold": [0.1, 0.2]}, out=out, **told)["own"].tolist()
 """
@@ -109,6 +112,7 @@ EDITS = [
     ("Mine(Base)", "Mine(kaju.MaterialAgent)", "Base, Base.emissions, KEEP, Mine"),
     ("Parameter(0.25", "Parameter(0.75", "Base"),
     ("agent: 3.0", "agent: 4.0", "Mine.<lambda>"),
+    ("own=0.5", "own=0.4", "Rule.shares"),
     ("2 * x", "3 * x", "doubled"),
     ('"down"], np', '"town"], np', "WORDS"),
     ("arange(3.0)", "arange(4.0)", "STEPS"),

@@ -131,10 +131,13 @@ def test_examples_pasted_unchanged_run_or_name_what_is_missing(opened, pages):
     lost = runs(page, CLASS + "def take(self, load): pass")
     assert (round(lost["taken"], 9), round(lost["lost"], 2)) == (0.0, 0.77)
     rows = "return super().emissions(load)[: 1 + round(1e5 * sum(self.position)) % 3]"
-    two = f"{CLASS}pass\n{CLASS}def emissions(self, load): {rows}".replace("Mine", "Other", 1)
+    wall = "from kaju import RollerBoundaryAgent\nclass Ice(RollerBoundaryAgent): pass\n"
+    other = f"{CLASS}pass\n".replace("Mine", "Other")
+    two = f"{wall}{other}{CLASS}def emissions(self, load): {rows}"
     page = opened(pages["hexagons"])
     check_alike(page, "hexagons", "two classes", two)
-    assert "`Other` did not run: of several classes of one kind the last" in page.text("aside")
+    told = "No load reached a boundary of `Ice`. `Other` did not run: of several classes"
+    assert told in page.text("aside")
 
 
 TAKE = """from kaju import MaterialAgent, State

@@ -55,9 +55,8 @@ function guarded(t, text) {
 }
 /** An error in the reader's language. */
 export function told(t, { error, args = [], line }, code) {
-  const text = args[0] ?? "", lost = text.match(/^(\w+): .* has this attribute/)?.[1];
-  if (lost) line = code.split("\n").findIndex((row) => row.includes(`.${lost}`)) + 1 || line;   // said at the end of the run
-  const at = (words) => ({ error: t("atLine", { n: line, e: words }), line });
+  const text = args[0] ?? "", lost = text.match(/^(\w+): .* has this attribute/)?.[1];   // said at the end of the run, when no line of the code acts
+  const n = code.split("\n").findIndex((row) => lost && row.includes(`.${lost}`)) + 1 || line, at = (words) => ({ error: t("atLine", { n, e: words }), line: n });
   const name = text.match(/(?:name|local variable|attribute|import name) '(\w+)'/)?.[1], near = name && closest(name, code), mean = near ? t("didYouMean", { n: near }) : "";
   if (error === "NameError" || error === "UnboundLocalError") return at(t("notKnown", { n: name }) + (NAMES.slice(0, 9).includes(name) ? t("importIt", { n: name }) : mean));
   if (error === "ImportError" || (error === "AttributeError" && /has no attribute/.test(text))) return at(t("hasNo", { a: error === "ImportError" ? "kaju" : text.match(/'([\w.]+)' object/)?.[1] ?? text.match(/'([\w.]+)'/)?.[1] ?? "", n: name }) + mean);
@@ -185,10 +184,10 @@ export class Workshop {
       ...((page.lesson?.step ?? "try") === "try" ? [game, score] : []), ...(this.printed ? [make("pre", { className: "printed", tabIndex: 0, textContent: this.printed + (this.shown > PRINTED ? `… ${this.shown}` : "") })] : [])];
   }
   score() {
-    const { page, page: { t, run } } = this, { agents, generations, taken, air, ground, rollers, lost, grew, recorded } = this.result, n = (x) => general(x, 4);
+    const { page, page: { t, run } } = this, { agents, generations, taken, air, ground, rollers, lost, idle, grew, recorded } = this.result, n = (x) => general(x, 4);
     if (grew) return t("atLine", { n: grew, e: t("grew") });
     const states = (run.states ?? []).filter(([, , whether]) => whether).map(([name, meaning]) => `, ${run[`state ${name}`].value.reduce((a, b) => a + b, 0)} ${page.say(meaning)}`);
-    return t("codeScore", { a: agents, g: generations, t: n(taken), s: states.join("") }) + (ground ? t("footGot", { r: n(ground), f: n(this.foot()) }) : "") + (air ? t("toAir", { x: n(air) }) : "") + (rollers ? t("toRollers", { x: n(rollers) }) : "") + (lost > 1e-9 ? t("lost", { x: general(100 * lost, 2) }) : "") + (this.spare?.length ? t("spare", { n: this.spare.join("`, `") }) : "") + (recorded ? ` ${t("otherRun", recorded)}` : "");
+    return t("codeScore", { a: agents, g: generations, t: n(taken), s: states.join("") }) + (ground ? t("footGot", { r: n(ground), f: n(this.foot()) }) : "") + (air ? t("toAir", { x: n(air) }) : "") + (rollers ? t("toRollers", { x: n(rollers) }) : "") + (lost > 1e-9 ? t("lost", { x: general(100 * lost, 2) }) : "") + (idle.length ? t("idleWall", { n: idle.join("`, `") }) : "") + (this.spare?.length ? t("spare", { n: this.spare.join("`, `") }) : "") + (recorded ? ` ${t("otherRun", recorded)}` : "");
   }
   /** The challenge: with five lines most of the load to the left foot, nearly all of it to the ground. The header has the score, [1] says why it does not count. */
   challenge() {

@@ -51,7 +51,7 @@ export class Written extends Recorded {
   /** What the page shows of it: plain data. */
   get shown() {
     const { spawn, woken, alive, waits, agents, generation, states, pending, grown } = this, logs = Object.fromEntries(["taken", ...Object.keys(this.known)].map((name) => [name, { ...this[name] }]));
-    const [kept, dropped, [air, ground, rollers], returned, absorbed, taken, lost] = this.python.totals(), sum = ({ value, n }) => value.subarray(0, n).reduce((a, b) => a + b, 0);
-    return { run: { spawn, woken, alive, waits, agents, generation, states, grown, ...logs }, end: { agents, generations: generation, taken, kept, passed: sum(this.passed), dropped, air, ground, rollers, returned, absorbed, lost, pending } };
+    const [kept, dropped, [air, ground, rollers], returned, absorbed, taken, lost, idle] = this.python.totals(), sum = ({ value, n }) => value.subarray(0, n).reduce((a, b) => a + b, 0);
+    return { run: { spawn, woken, alive, waits, agents, generation, states, grown, ...logs }, end: { agents, generations: generation, taken, kept, passed: sum(this.passed), dropped, air, ground, rollers, returned, absorbed, lost, idle, pending } };
   }
 }

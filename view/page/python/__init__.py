@@ -39,7 +39,7 @@ SMALL = {
     "Any = ClassVar = A()\n",
     "random": "from kaju import Elsewhere, Random\n"
     'for name in ("random", "uniform", "randint", "choice", "shuffle", "sample"):\n'
-    '    globals()[name] = Elsewhere(f"random.{name}", f"write self.random.{name}")\n',
+    '    globals()[name] = Elsewhere(f"random.{name}", f"write self.random.{name}(...)")\n',
 }
 """Modules of Python that agents may import, as far as they need them."""
 

@@ -274,7 +274,9 @@ def totals():
     entered = sum([load[2] for load in engine.model.loads]) + emitted
     taken = sum([sum(a.taken.values()) for a in agents])
     lost = abs(entered - taken - dropped - engine.pending - absorbed) / (entered or 1.0)
-    return [kept, dropped, arrived, engine.returned, absorbed, taken, lost]
+    own = [one for one in engine.boundary_agents.values() if one not in BOUNDARIES.values()]
+    idle = [one.__name__ for one in own if not any([isinstance(wall, one) for wall in walls])]
+    return [kept, dropped, arrived, engine.returned, absorbed, taken, lost, idle]
 
 def show(*values, sep=" ", end="\n", **rest):
     _page.tell(sep.join([str(value) for value in values]) + end)

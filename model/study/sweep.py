@@ -175,10 +175,8 @@ def _checked(measure: Measure) -> Measure:
         return measure
     if isinstance(measure, Sequence) and measure and all(isinstance(m, str) for m in measure):
         return tuple(measure)
-    raise ParameterError(
-        "measure: must be a name of the summary, a list of names, or a function of the result, "
-        f"got {measure!r}"
-    )
+    told = "measure: must be a name of the summary, a list of names, or a function of the result"
+    raise ParameterError(f"{told}, got {measure!r}")
 
 
 def _whole(name: str, value: Any, least: int) -> int:
@@ -379,11 +377,9 @@ class SweepRun:
         row = {"run": number, **cells}
         try:
             figures = self.figures(number, point)
-            taken = figures.keys() & {"error", *row}
-            if taken:
-                raise ParameterError(
-                    f"measure: {taken.pop()!r} is another column's name; return it by a new one"
-                )
+            taken = ", ".join(figures.keys() & {"error", *row})
+            told = f"measure: {taken!r} is another column's name; return it by a new one"
+            require(not taken, told)
         except Exception as error:  # whatever a run dies of belongs into its row
             notes = getattr(error, "__notes__", ())  # of an agent of your own: where, and when
             told = "; ".join([f"{type(error).__name__}: {error}", *notes])
@@ -508,11 +504,8 @@ def _figure(name: str, value: Any) -> Any:
 
 def points_of(vary: Vary, method: str, samples: int | None, seed: int) -> Points:
     """Return the points that `sweep` is asked for."""
-    if method not in METHODS:
-        raise ParameterError(
-            f"method: must be one of {', '.join(map(repr, METHODS))}, got {method!r}"
-            f"{errors.suggestion(str(method), METHODS)}"
-        )
+    told = f"method: {errors.no_such(f'method {method!r}', method, METHODS)}"
+    require(method in METHODS, told)
     if not isinstance(vary, Mapping) or not vary:
         raise ParameterError("vary: at least one quantity is needed, as {'rule.threshold': [...]}")
     if method in METHODS[2:]:
@@ -524,11 +517,9 @@ def points_of(vary: Vary, method: str, samples: int | None, seed: int) -> Points
     lengths = dict(zip(vary, map(len, columns), strict=True))
     told = f"vary: the values of a list go together one by one; got {lengths} of them"
     require(method != "list" or len({*lengths.values()}) == 1, told)
-    if method == "grid" and (count := math.prod(lengths.values())) > 1_000_000:
-        raise ParameterError(
-            f"vary: {count:,} combinations are more than 1,000,000; take fewer values, or draw "
-            "samples (method='sobol', samples=1024)"
-        )
+    told = f"vary: {math.prod(lengths.values()):,} combinations are more than 1,000,000; take fewer"
+    told += " values, or draw samples (method='sobol', samples=1024)"
+    require(method != "grid" or math.prod(lengths.values()) <= 1_000_000, told)
     rows = product(*columns) if method == "grid" else zip(*columns, strict=True)
     return [dict(zip(vary, plain(row, math.inf), strict=True)) for row in rows]
 
@@ -536,25 +527,21 @@ def points_of(vary: Vary, method: str, samples: int | None, seed: int) -> Points
 def _values(key: str, given: Any) -> Sequence[Any]:
     told = f"vary: {key!r} is a distribution, of which a grid or list cannot be made"
     require(not hasattr(given, "ppf"), f"{told}; take method='sobol' or 'lhs', with samples=")
-    if isinstance(given, (str, bytes)) or not isinstance(given, (Sequence, np.ndarray, range)):
-        raise ParameterError(
-            f"vary: {key!r} needs a list of values or a scipy.stats distribution, got {given!r}"
-        )
+    if isinstance(given, str | bytes) or not isinstance(given, Sequence | np.ndarray):
+        told = f"vary: {key!r} needs a list of values or a scipy.stats distribution, got {given!r}"
+        raise ParameterError(told)
     require(len(given) > 0, f"vary: {key!r} has no values")
     return list(given)
 
 
 def _sampled(vary: Vary, method: str, samples: int | None, seed: int) -> list[Sequence[Any]]:
     if samples is None or isinstance(samples, bool) or int(samples) != samples or samples < 1:
-        raise ParameterError(
-            f"samples: {method} needs the number of points, 1 or more; got {samples!r}"
-        )
-    if method != "lhs" and samples & (samples - 1):
-        below = 1 << (samples.bit_length() - 1)
-        raise ParameterError(
-            f"samples: Sobol points are balanced only in powers of two; take {below} or "
-            f"{2 * below} instead of {samples}, or method='lhs'"
-        )
+        told = f"samples: {method} needs the number of points, 1 or more; got {samples!r}"
+        raise ParameterError(told)
+    below = 1 << (int(samples).bit_length() - 1)
+    told = f"samples: Sobol points are balanced only in powers of two; take {below} or {2 * below}"
+    told += f" instead of {samples}, or method='lhs'"
+    require(method == "lhs" or samples == below, told)
     from scipy.stats import qmc
 
     engine = qmc.Sobol if method == "sobol" else qmc.LatinHypercube
@@ -564,8 +551,8 @@ def _sampled(vary: Vary, method: str, samples: int | None, seed: int) -> list[Se
     for (key, given), column in zip(vary.items(), unit.T, strict=True):
         if hasattr(given, "ppf"):
             columns.append(given.ppf(column))
-            if not np.isfinite(columns[-1]).all():
-                raise ParameterError(f"vary: the distribution of {key!r} gave infinite values")
+            told = f"vary: the distribution of {key!r} gave infinite values"
+            require(bool(np.isfinite(columns[-1]).all()), told)
         else:
             values = _values(key, given)
             columns.append([values[int(place)] for place in column * len(values)])

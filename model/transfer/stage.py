@@ -72,10 +72,9 @@ class StateCourse:
     __repr__ = without_rows
 
     def values(self, generation: int | None = None) -> NDArray[Any]:
-        """Return the value of every agent after a generation, shape (agents,); None: the last.
+        """Return each agent's value after a generation, or the last, in the order of `Stage`.
 
-        Agents are in the order of `Stage`, as in `to_dataframe()`. Those that have not yet taken a
-        load have the default; leave them out by `[result.last.spawn_step <= generation]`.
+        Who still sleeps has the default: leave it out by `[result.last.spawn_step <= generation]`.
         """
         if generation is not None and not 0 <= generation <= self.generations:
             raise ResultError(f"generation: must be 0 to {self.generations}, got {generation}")

@@ -83,8 +83,7 @@ def _table(study: RuleStudy) -> None:
 
 def _photograph(target: Path) -> None:
     """Take a picture of the page that `kaju demo` writes."""
-    chromium = shutil.which("chromium")
-    if chromium is None:
+    if (chromium := shutil.which("chromium")) is None:
         sys.exit("chromium is not installed (apt-get install chromium)")
     with tempfile.TemporaryDirectory() as folder, sync_playwright() as player:
         scene = kaju.load_scene(EXAMPLES / "plate.toml", {"loads.0.steps": 1})

@@ -186,8 +186,7 @@ def _of_outlines(result: ElasticResult) -> Iterator[str]:
     if stepped or solid:
         # of a stepped body only what is no step: where supports and rollers end
         every = sorted(set(result.sharp_cells[1]))
-        reasons = [one for one in every if not stepped or one.endswith(" ends")]
-        if reasons:
+        if reasons := [one for one in every if not stepped or one.endswith(" ends")]:
             at = f"{'along edges' if solid else 'at points'} ({'; '.join(reasons)})"
             yield f"no limit of stress {at}: it grows there with smaller cells"
 

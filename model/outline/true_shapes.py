@@ -274,8 +274,7 @@ class TrueRegion:
 def holding(rings: list[list[Floats]], points: Floats) -> Flags:
     """Tell which regions hold which points, shape (regions, points): how often a ray meets them."""
     out = np.zeros((len(rings), len(points)), dtype=np.int64)
-    ring = [(k, one) for k, lines in enumerate(rings) for one in lines]
-    if not ring:
+    if not (ring := [(k, one) for k, lines in enumerate(rings) for one in lines]):
         return out > 0
     start = np.concatenate([one for _, one in ring])
     end = np.concatenate([np.roll(one, -1, axis=0) for _, one in ring])

@@ -194,8 +194,7 @@ class SampledShape(Shape):
         places, above = self._grid
         places = [np.array([line[0], *line, line[-1]]) for line in places]
         above = np.pad(above, 1, constant_values=-np.abs(above).max())  # nothing beyond the box
-        lines = contour_generator(z=above.T).lines(0.0)
-        if not lines:
+        if not (lines := contour_generator(z=above.T).lines(0.0)):
             raise SceneError(f"level: nothing is above {self.at_least:g}; take another level")
         steps = [np.arange(len(line)) for line in places]
         found = (map(np.interp, np.asarray(line).T, steps, places) for line in lines)

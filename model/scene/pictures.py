@@ -225,8 +225,7 @@ def from_image(path: str, legend: Mapping[str, str], nearest: bool = False) -> P
 
 def _nearest(pixels: NDArray[np.uint8], code_of: Mapping[str, int]) -> NDArray[np.int16]:
     """Return the codes of the colours nearest to pixels; what is mostly clear is "transparent"."""
-    names = [name for name in code_of if name != "transparent"]
-    if not names:
+    if not (names := [name for name in code_of if name != "transparent"]):
         raise SceneError("legend: has no colour, so none is the nearest")
     colours = np.array([_colour(name)[:3] for name in names], dtype=np.float32)
     distance = np.linalg.norm(pixels[:, None, :3].astype(np.float32) - colours, axis=2)

@@ -519,8 +519,7 @@ def read_path(text: str, enlarge: bool = False) -> list[Floats]:
         if sum(map(len, lines)) > 10_000:
             raise SceneError("path: has more than 10,000 curves; draw it as an image")
     _close(lines, start, here)
-    kept = [np.array(arcs) for arcs in lines if len(arcs) > 1]
-    if not kept:
+    if not (kept := [np.array(arcs) for arcs in lines if len(arcs) > 1]):
         raise SceneError("path: encloses nothing; write one such as M 0 0 H 1 V 1 Z")
     return kept
 
@@ -529,8 +528,7 @@ def _numbers(text: str, place: int, kind: str) -> tuple[list[float], int]:
     """Return what a command takes, and where the text goes on."""
     given = []
     for k in range(_COUNT[kind]):
-        found = _PARTS[1 if kind == "A" and k in (3, 4) else 2].match(text, place)
-        if not found:
+        if not (found := _PARTS[1 if kind == "A" and k in (3, 4) else 2].match(text, place)):
             raise SceneError(f"path: {kind} takes {_COUNT[kind]} numbers, at {text[place:][:20]!r}")
         given.append(float(found[1]))
         place = found.end()

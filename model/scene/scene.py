@@ -762,8 +762,7 @@ def _blocks(name: str, part: Any) -> Iterator[str]:
         for item in part:
             yield "\n".join([f"[[{name}]]", *_entries_of(item), ""])
         return
-    own = {key: value for key, value in part.items() if not _is_section(name, value)}
-    if own:
+    if own := {key: value for key, value in part.items() if not _is_section(name, value)}:
         yield "\n".join([f"[{name}]", *_entries_of(own), ""])
     for key, value in part.items():
         if key not in own:

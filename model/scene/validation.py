@@ -192,8 +192,7 @@ def _meaning(description: type[BaseModel], path: tuple[int | str, ...]) -> str:
     """Return the meaning of the last key of a path that its description explains."""
     meaning = ""
     for key in path:
-        field = description.model_fields.get(str(key))
-        if field is None:
+        if (field := description.model_fields.get(str(key))) is None:
             continue
         meaning = f"; {key} is {field.description}" if field.description else ""
         description = _description_in(field.annotation) or description

@@ -224,8 +224,7 @@ class AgentEngine:
 
     def box_over(self, agent: MaterialAgent, arm: int) -> LoadBox:
         """Return the box into which an agent puts what it hands over an arm."""
-        step = self.steps[agent._form].get(arm)
-        if step is None:
+        if (step := self.steps[agent._form].get(arm)) is None:
             raise self.guard.wrong(agent, "pass_on", f"has no face along direction {arm}")
         place = tuple(map(add, agent.cell.coordinate, step))
         kind = (self.seen.get(place) or self._look_round(place))[0]
@@ -241,8 +240,7 @@ class AgentEngine:
         shares, form = agent.shares, agent._form
         if not isinstance(shares, Shares):
             raise self.guard.wrong(agent, "shares", f"must have kaju.Shares, has {brief(shares)}")
-        sent = self._sent.get((shares, form))
-        if sent is None:
+        if (sent := self._sent.get((shares, form))) is None:
             if problem := check_shares(shares, self.two_senses):
                 raise self.guard.wrong(agent, "shares", problem)
             if len(self._sent) > MOST_REMEMBERED:

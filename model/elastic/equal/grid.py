@@ -146,8 +146,7 @@ class Grid(NamedTuple):
     @property
     def narrow(self) -> str:
         """Where a member is one cell wide, "" if none is."""
-        cell = slender_cell(self.problem)
-        if cell is None:
+        if (cell := slender_cell(self.problem)) is None:
             return ""
         return f"({', '.join(str(a + b) for a, b in zip(cell, self.origin, strict=True))})"
 

@@ -199,8 +199,7 @@ class _Watch:
     def __call__(self, run: Iteration) -> bool:
         if self._estimate is not None:
             self.discretisation, self._estimate = self._estimate(run), None
-        target = self._tolerance
-        if target is None:
+        if (target := self._tolerance) is None:
             # The last correction takes nine tenths of what is left away.
             target = min(max(0.15 * self.discretisation, 1e-12), 3e-3)
         stated = max(target, self.discretisation)
@@ -226,8 +225,7 @@ class _Watch:
 
 def _factorised(problem: ElasticProblem, discretisation: float, why: str) -> Solution:
     """Solve by factors where an iteration does not serve."""
-    solution = by_factors(problem, discretisation)
-    if solution is None:
+    if (solution := by_factors(problem, discretisation)) is None:
         raise SceneError(
             "body: some of its cells hang together by single faces, about which they turn freely; "
             "give a larger resolution (2 halves the cells), or a tolerance, so that agents spawn"

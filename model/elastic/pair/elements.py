@@ -85,13 +85,11 @@ def strain_rows(points: Floats) -> Floats:
     """Return normal strains, then twice the shear strains, by unknowns: (n, strains, unknowns)."""
     d = points.shape[1]
     (own, slope), which = _factors(points), nodes(d)
-    slopes = np.stack(
-        [
-            np.prod([(slope if k == by else own)[:, k, which[:, k]] for k in range(d)], axis=0)
-            for by in range(d)
-        ],
-        axis=2,
-    )
+    by_axis = [
+        np.prod([(slope if k == by else own)[:, k, which[:, k]] for k in range(d)], axis=0)
+        for by in range(d)
+    ]
+    slopes = np.stack(by_axis, axis=2)
     pairs = [(k, k) for k in range(d)] + list(combinations(range(d), 2))
     rows = np.zeros((len(points), len(pairs), *slopes.shape[1:]))
     for row, (a, b) in enumerate(pairs):

@@ -124,8 +124,7 @@ def of_creep(body, **how):
 
 def of_grow(body, **how):
     # The radius is in cells, and so follows the scale.
-    model = kaju.GrowthModel(scene_of(*body, **how), volume=0.6, tolerance=1e-8)
-    answer = model.run(2)
+    answer = kaju.GrowthModel(scene_of(*body, **how), volume=0.6, tolerance=1e-8).run(2)
     return {"compliance": answer.compliance, "grey": answer.grey}
 
 

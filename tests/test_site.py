@@ -15,8 +15,7 @@ pytestmark = pytest.mark.skipif(not DOCS.is_dir(), reason="the documents are not
 
 def test_lists_are_made_when_the_site_is_built(monkeypatch):
     monkeypatch.syspath_prepend(DOCS)
-    made = script(DOCS / "made_lists.py")
-    commands = made.with_lists((DOCS / "commands.md").read_text())
+    commands = script(DOCS / "made_lists.py").with_lists((DOCS / "commands.md").read_text())
     assert "<!-- made" not in commands
     for name in ("## kaju solve", "`--tolerance`", "## kaju sweep", "`--samples`"):
         assert name in commands

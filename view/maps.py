@@ -55,8 +55,7 @@ def quantity_of(
     tensor, unit = getattr(result, what), "Pa" if what == "stress" else ""
     pairs = {f"{a}{b}": (i, j) for i, a in enumerate(names) for j, b in enumerate(names) if i <= j}
     sizes = [np.abs(tensor[:, *pair]).max(initial=0.0) for pair in pairs.values()]
-    largest = list(pairs)[first_largest(np.array(sizes))]
-    chosen = component or largest
+    chosen = component or list(pairs)[first_largest(np.array(sizes))]
     check_word("component", chosen, pairs)
     symbol = "σ" if what == "stress" else "ε"
     title = f"{what.capitalize()} {symbol}{chosen}"

@@ -139,8 +139,7 @@ def plot_all(result: Result, directory: str | Path) -> list[Path]:
         figure = plot(result, name)
         written.append(save(figure, folder / f"{name}.png"))
         if name == "agents" and figure.axes[0].name == "3d":
-            section = plot(result, name, cut={})
-            written.append(save(section, folder / "agents_section.png"))
+            written.append(save(plot(result, name, cut={}), folder / "agents_section.png"))
     return written
 
 

@@ -43,8 +43,7 @@ def solve(problem: Problem, division: int, solver: Solver) -> Callable[[], Float
     number = np.where(moves.ravel(), np.cumsum(moves) - 1, -1)
     places = np.argwhere(moves) * size
 
-    local = local_stiffness(d, *problem.lame) * size ** (d - 2)
-    matrix = assembled(local, number[nodes])
+    matrix = assembled(local_stiffness(d, *problem.lame) * size ** (d - 2), number[nodes])
 
     load = np.zeros((len(places), d))
     loaded = problem.pressed((filled + 0.5) * size, size)

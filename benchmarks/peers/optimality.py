@@ -83,8 +83,7 @@ class Bilinear:
         else:
             held[node[0], 1] = True
         free = ~held.ravel()
-        number = np.where(free, np.cumsum(free) - 1, -1)
-        self._number = number[unknown]
+        self._number = np.where(free, np.cumsum(free) - 1, -1)[unknown]
         size = int(free.sum())
         row, column = (np.repeat(self._number, 8, 1), np.tile(self._number, (1, 8)))
         self._inside = ((row >= 0) & (column >= 0)).ravel()

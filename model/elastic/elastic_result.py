@@ -297,8 +297,7 @@ class ElasticResult(BodyResult):
 
     def checks(self) -> list[Check]:
         """Return whether the reactions of the supports balance the loads."""
-        applied = self.found.applied(self.stage)
-        missing = sum(self.reactions.values(), applied.sum(axis=0))
+        missing = sum(self.reactions.values(), self.found.applied(self.stage).sum(axis=0))
         # What moved supports strain may leave more rounding than small loads have force.
         lost = max(float(np.abs(missing).max()) - 1e-12 * self.found.scales.force, 0.0)
         off = lost / self._forces if self._forces > 0.0 else 0.0

@@ -100,8 +100,7 @@ def solve_cells(
         )
     # By default there are as many cells as before.
     division = resolution or (previous.subdivision if previous is not None else 1)
-    alike = None if known is None else known.problem
-    grid = grid_of(scene, stage, division, alike, field)
+    grid = grid_of(scene, stage, division, None if known is None else known.problem, field)
     place = grid.origin, grid.problem.kinds.shape
     if known is not None and place == (known.origin, known.problem.kinds.shape):
         unit = known.scales.displacement / grid.problem.scales.displacement

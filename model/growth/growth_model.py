@@ -238,8 +238,7 @@ class GrowingBody:
                 "sides: a growing body needs forces, because a moved side does more work on a "
                 "stiffer body; load it by [[loads]]"
             )
-        applied = scene.applied(stage)
-        if not np.any(applied.force):
+        if not np.any(scene.applied(stage).force):
             raise SceneError("loads: a body grows only under forces; add [[loads]]")
         grid = grid_of(scene, stage, stiffness=np.ones(scene.lattice.shape))
         if grid.division > 1:

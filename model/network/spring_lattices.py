@@ -110,8 +110,7 @@ def cut(network: SpringNetwork, start: ArrayLike, end: ArrayLike) -> SpringNetwo
     require(network.dimension == 2, "network: only plane networks can be cut along a line")
     tips = np.asarray(start, dtype=np.float64), np.asarray(end, dtype=np.float64)
     first, second = network.positions[network.springs].transpose(1, 0, 2)
-    crossed = _apart(*tips, first, second) & _apart(first, second, *tips)
-    return with_some(network, ~crossed)
+    return with_some(network, ~(_apart(*tips, first, second) & _apart(first, second, *tips)))
 
 
 def _apart(start: Floats, end: Floats, one: Floats, other: Floats) -> Flags:

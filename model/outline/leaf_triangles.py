@@ -336,8 +336,7 @@ def _between(at: Floats, lines: Floats, there: Flags) -> tuple[Ints, Ints]:
     turn = np.sign(np.take_along_axis(ab, c[:, None], 1))
     within = (ab * turn > 0.0) & (bc * turn > 0.0) & (ca * turn > 0.0)
     kept = ~within.any(axis=1) & (turn[:, 0] != 0.0)
-    corners = np.where(turn > 0.0, three[which], three[which][:, ::-1])
-    return row[kept], corners[kept]
+    return row[kept], np.where(turn > 0.0, three[which], three[which][:, ::-1])[kept]
 
 
 def unified(of: Ints, points: Floats, low: Floats, high: Floats) -> tuple[Ints, Floats]:

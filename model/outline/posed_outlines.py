@@ -344,8 +344,7 @@ class OutlinedBody:
         shape = tuple(many * count for count in asked.lattice.shape)
         lattice = type(asked.lattice)(shape, asked.lattice.cell_size / many)
         codes = self.material_at(lattice.centres(np.indices(shape).reshape(2, -1).T), edges=False)
-        names = [material.name for material in asked.cell_materials]
-        kinds = [*names, INSIDE, "air"]
+        kinds = [*[material.name for material in asked.cell_materials], INSIDE, "air"]
         body = Body(
             array=(codes % len(kinds)).astype(np.int16).reshape(shape),
             cell_size=lattice.cell_size,

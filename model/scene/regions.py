@@ -269,8 +269,7 @@ def read_drawing(text: str, only: str | None = None) -> list[Floats]:
     found: list[Floats] = []
     for element, place in _elements(root, _page(root), parse_transform, only):
         try:
-            data = CONVERSIONS[_name(element)](_rounded(element))
-            drawn = read_path(data, enlarge=True)
+            drawn = read_path(CONVERSIONS[_name(element)](_rounded(element)), enlarge=True)
             lines = [arcs @ place.T for arcs in drawn]  # of homogeneous points
         except (SceneError, ValueError) as error:
             raise _wrong(f"{_called(element)} is no outline ({error})") from None

@@ -382,8 +382,7 @@ class SweepRun:
             require(not taken, told)
         except Exception as error:  # whatever a run dies of belongs into its row
             notes = getattr(error, "__notes__", ())  # of an agent of your own: where, and when
-            told = "; ".join([f"{type(error).__name__}: {error}", *notes])
-            return row | {"error": told}
+            return row | {"error": "; ".join([f"{type(error).__name__}: {error}", *notes])}
         return row | figures | {"error": ""}
 
     def figures(self, number: int, point: Mapping[str, Any]) -> Row:

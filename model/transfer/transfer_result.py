@@ -93,8 +93,7 @@ class TransferResult(BodyResult):
         left_out = {"stages"} if len(self.stages) == 1 else set()
         if not (lattice.boxes or lattice.kind == "hexagon"):
             left_out.add("cuts")  # its cells lie in layers across no axis
-        usual = (name for name in super().pictures if name not in left_out)
-        return (*usual, *self.states)
+        return (*(name for name in super().pictures if name not in left_out), *self.states)
 
     @property
     def films(self) -> tuple[str, ...]:

@@ -27,8 +27,7 @@ each_problem = pytest.mark.parametrize("problem", PROBLEMS.values(), ids=list(PR
 @each_problem
 def test_kaju_and_bilinear_elements_both_approach_the_truth(problem):
     """Two programs that share nothing come close to a third that shares nothing with them."""
-    way = METHODS["multigrid"]
-    ours = [problem.error(way.answer(problem, d)())[1] for d in (2, 4)]
+    ours = [problem.error(METHODS["multigrid"].answer(problem, d)())[1] for d in (2, 4)]
     assert ours[1] < 0.6 * ours[0] < 0.05
     if problem.dimension == 2:
         theirs = [problem.error(bilinear.solve(problem, d, "superlu")())[1] for d in (2, 4)]

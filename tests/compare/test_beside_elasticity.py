@@ -22,8 +22,7 @@ def study():
 
 
 def test_each_answer_is_compared_as_by_hand(study):
-    believed = solve(plate(), resolution=4)
-    by_hand = compare(LoadModel(plate()).run(), believed).summary()
+    by_hand = compare(LoadModel(plate()).run(), solve(plate(), resolution=4)).summary()
     assert list(study.comparisons)[1:] == ["prescribed rule, fitted", "elastic agents"]
     own, fitted, elastic = study.comparisons.values()
     assert own.summary() == by_hand

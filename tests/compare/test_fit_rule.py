@@ -31,8 +31,7 @@ def test_the_fitted_rule_is_closer_and_ready_to_use(fit):
 
 def test_coefficients_that_made_the_reference_are_found_again():
     """The reference was made by the rule itself, so the misfit must all but vanish."""
-    made = replace(OWN, alpha=(0.3, 0.6, 0.15), beta=0.9)
-    run = LoadModel(plate(made)).run()
+    run = LoadModel(plate(replace(OWN, alpha=(0.3, 0.6, 0.15), beta=0.9))).run()
     points = run.scene.lattice.centres(np.argwhere(run.scene.rasterise() >= 0))
     known = Reference(points, run.displacement_at(points), run.stress_at(points))
     fit = fit_rule(plate(), known, evaluations=200)

@@ -26,8 +26,7 @@ def plate(cells=(12, 12), moved=False, notch=3, **body):
 @pytest.mark.parametrize("moved", [False, True])
 def test_what_cells_bear_is_what_solve_says(moved):
     scene = plate(moved=moved)
-    model = kaju.FractureModel(scene, strength=1e8, scatter=0.0)
-    broken = model.run(1)
+    broken = kaju.FractureModel(scene, strength=1e8, scatter=0.0).run(1)
     truth = kaju.solve(scene, resolution=1)
     stress = truth.cells(resolution=1).stress[scene.rasterise() >= 0]
     largest = np.linalg.eigvalsh(stress)[:, -1]

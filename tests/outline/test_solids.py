@@ -160,8 +160,7 @@ def test_answers_are_stored_and_drawn(tmp_path: Path) -> None:
     assert 0.0 < again.seconds == answer.seconds < 600.0
     assert answer.energy.sum() == pytest.approx(answer.strain_energy)
     assert any("fraction" in note or "share" in note for note in answer.notes)
-    carried = again.cuts("z").carried
-    np.testing.assert_allclose(carried, 1.0, rtol=1e-6)
+    np.testing.assert_allclose(again.cuts("z").carried, 1.0, rtol=1e-6)
     for name in ("von_mises", "deformed", "scene", "cuts"):
         plt.close(kaju.plot(again, name))
     assert all(check.holds for check in answer.checks())

@@ -205,8 +205,7 @@ def test_weight_along_curves_is_estimated(shapes, way, cells) -> None:
 
 def test_a_scene_with_true_outlines_survives_its_file_and_its_archive() -> None:
     scene = ring(0.1, 0.2)
-    again = kaju.Scene.from_toml(scene.to_toml())
-    assert again == scene
+    assert kaju.Scene.from_toml(scene.to_toml()) == scene
     assert kaju.Scene.from_archive(*scene.to_archive()) == scene
     drawn = kaju.plot(scene)
     assert any(text.get_text() == "The scene" for text in drawn.findobj(Text))

@@ -76,8 +76,7 @@ def test_a_bent_truss_stays_bent_by_what_flowed():
     assert sunk[3] < sunk[-1] < 0.0  # and recovers in part
     pull, push = result.largest_force().lines.values()
     np.testing.assert_array_equal(np.stack([push, pull], axis=1), np.sort(result.force))
-    at_rest = BITE.hold(20.0)
-    voigt = creep(truss(), at_rest, times=[28.3], rheology=ThreeElement(2.0, 3.0))
+    voigt = creep(truss(), BITE.hold(20.0), times=[28.3], rheology=ThreeElement(2.0, 3.0))
     assert abs(voigt.displacement[-1, 2, 1]) < 1e-4
 
 

@@ -38,8 +38,7 @@ def test_a_held_noodle_gives_on_and_what_flowed_stays(firm, soft):
 
 @pytest.mark.slow  # draws a film of half a minute
 def test_the_script_writes_pictures_and_figures(tmp_path):
-    run = script(FOLDER / "run.py")
-    summary = run.main(["--out", str(tmp_path), "--rows", "3"])
+    summary = script(FOLDER / "run.py").main(["--out", str(tmp_path), "--rows", "3"])
     assert json.loads((tmp_path / "summary.json").read_text()) == summary
     for name in ("force_time.png", "shapes.png", "bite.gif"):
         assert (tmp_path / name).stat().st_size > 1000

@@ -60,8 +60,7 @@ def test_backward_euler_is_the_discrete_creep_formula(pace):
 @pytest.mark.parametrize("pace", PACES)
 def test_creep_relaxation_and_recovery_never_turn_back(pace):
     step, n = pace * ELEMENT.retardation_time, np.arange(1, 301)
-    given_way = ELEMENT.creep(force=7.0, times=step * n)
-    assert np.all(np.diff(given_way, prepend=0.0) > 0.0)
+    assert np.all(np.diff(ELEMENT.creep(force=7.0, times=step * n), prepend=0.0) > 0.0)
     unloading = History.step(7.0).hold(100 * step).release()
     recovering = ThreeElement(2.0, 3.0).creep(force=unloading, times=step * n)
     rounding = 1e-15 * recovering.max()

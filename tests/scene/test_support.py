@@ -50,7 +50,6 @@ def test_a_giant_body_is_looked_at_in_samples():
     for sides in ({}, {"top": "rigid"}):
         with pytest.raises(SupportError, match=r"nothing holds the body"):
             giant(leg, **sides)
-    block = {"box": [[0, 0], [10, 10]], "material": "rigid"}
-    assert giant(leg, block).stages == 1
+    assert giant(leg, {"box": [[0, 0], [10, 10]], "material": "rigid"}).stages == 1
     with pytest.raises(SceneError, match=r"body: none of its cells is body"):
         giant()

@@ -66,8 +66,7 @@ def test_scene_is_solved_by_spawning_as_the_command_asks(kaju):
 
 def test_what_was_computed_short_of_the_tolerance_is_kept(kaju, monkeypatch):
     monkeypatch.setattr("kaju.model.elastic.pair.loop.MOST_AGENTS", 300)
-    words = ("--tolerance", "0.001", "--out", "here")
-    code, out, err = kaju("solve", PLATE, *words)
+    code, out, err = kaju("solve", PLATE, "--tolerance", "0.001", "--out", "here")
     assert code == 2
     assert "more than the 300 allowed" in err
     assert str(Path("here/result.npz")) in out

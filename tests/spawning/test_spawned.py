@@ -125,8 +125,7 @@ def test_cells_held_all_round_are_no_loose_part():
     """A part of which supports leave no face free but those between its own cells."""
     load = {"cell": [2, 0], "side": "bottom", "force": [0.0, 1.0]}
     rows = ["=====", "=aa==", "=====", ".aaa."]
-    scene = drawn(rows, [STEEL], [load], sides={}, cell_size=0.1)
-    result = solve(scene, tolerance=0.2)
+    result = solve(drawn(rows, [STEEL], [load], sides={}, cell_size=0.1), tolerance=0.2)
     np.testing.assert_allclose(result.reactions["rigid"], [0.0, -1.0], atol=1e-9)
 
 

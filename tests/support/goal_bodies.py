@@ -25,8 +25,7 @@ def plate(**changes):
 def angle(plane="strain"):
     """An L of 0.8 m on its ground, dragged along its whole top."""
     load = {"region": {"box": [[0, 0.8], [0.4, 0.8]]}, "force": [100.0, 0.0]}
-    drawing = "####....\n" * 4 + "########\n" * 4
-    return loaded(drawing, load, cell_size=0.1, plane=plane)
+    return loaded("####....\n" * 4 + "########\n" * 4, load, cell_size=0.1, plane=plane)
 
 
 def pierced(**changes):

@@ -160,8 +160,7 @@ def test_interrupted_the_rows_are_kept(tmp_path):
         kept(tmp_path, run=interrupted)
     assert load_sweep(tmp_path)["square"].tolist() == [x * x for x in range(20)]
     sweep_work.patience = True
-    again = kept(tmp_path, run=interrupted)
-    assert again["square"].tolist() == [x * x for x in range(50)]
+    assert kept(tmp_path, run=interrupted)["square"].tolist() == [x * x for x in range(50)]
 
 
 def interrupted(x):

@@ -58,8 +58,7 @@ def test_a_roller_lets_slide_what_runs_along_it():
 
 
 def test_air_and_ground_inside_the_array_are_boundaries_too():
-    model = row_of(".#=", {}, STRAIGHT, force=(2.0, 0.0))
-    stage = model.run().last
+    stage = row_of(".#=", {}, STRAIGHT, force=(2.0, 0.0)).run().last
     assert stage.boundary_cells.tolist() == [[2, 0], [0, 0]]
     assert stage.boundary_spawn_step.tolist() == [2, 3]
 

@@ -78,8 +78,7 @@ def test_supports_answer_what_reached_them(engine):
 def test_what_comes_back_from_an_end(engine, side, sense, direction):
     """A free end answers as a wave's does; a rigid one keeps the sense and turns the force."""
     rule = PrescribedRule(alpha=(0.5, 0.8, 0.0), beta=1.0, threshold=0.7, sense=True)
-    scene = column(-1.0, rule, cells=1, bottom=side)
-    stage = LoadModel(scene, engine=engine).run().last
+    stage = LoadModel(column(-1.0, rule, cells=1, bottom=side), engine=engine).run().last
     assert stage.generations == 2
     last = stage.history.generation == 2
     assert stage.history.load[last].tolist() == [0.8]

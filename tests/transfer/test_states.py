@@ -65,8 +65,7 @@ def test_states_are_columns_pictures_films_and_are_stored(result, tmp_path):
         np.testing.assert_array_equal(again.states[name].values(2), result.states[name].values(2))
         assert name in again.pictures
         assert name in again.films
-        drawn = kaju.plot(again, name, generation=1)
-        assert name in drawn.axes[0].get_title(loc="left")
+        assert name in kaju.plot(again, name, generation=1).axes[0].get_title(loc="left")
     assert kaju.animate(again, tmp_path / "broken.gif", "broken").stat().st_size > 0
 
 

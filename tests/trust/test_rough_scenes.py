@@ -62,8 +62,7 @@ BOTH_WAYS = [{}, {"tolerance": 0.05}]
 @pytest.mark.parametrize("how", BOTH_WAYS)
 @pytest.mark.parametrize(("bed", "noted"), [(1e6, False), (1e3, False), (1.0, True)])
 def test_what_rounding_eats_of_a_soft_bed_is_said(bed, noted, how):
-    scene = block(sides={"bottom": {"stiffness": bed}, "left": "roller"})
-    result = solve(scene, **how)
+    result = solve(block(sides={"bottom": {"stiffness": bed}, "left": "roller"}), **how)
     assert result.reactions["bottom"][1] == pytest.approx(1.0, rel=1e-2)
     assert result.strain_energy == pytest.approx(0.5 / bed, rel=1e-2)
     # Agents of two minds prove the answer, however soft the bed.

@@ -92,8 +92,7 @@ class Glb:
         return self.about["meshes"][0]["primitives"][0]
 
     def rest(self) -> np.ndarray:
-        accessor = self.about["accessors"][self.primitive["attributes"]["POSITION"]]
-        assert "min" in accessor
+        assert "min" in self.about["accessors"][self.primitive["attributes"]["POSITION"]]
         return self.array(self.primitive["attributes"]["POSITION"])
 
     def targets(self) -> list[np.ndarray]:

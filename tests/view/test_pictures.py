@@ -65,8 +65,7 @@ def test_ground_is_hatched_and_kinds_of_boundary_differ_in_form():
 def test_the_deformed_grid_sinks_by_magnification_times_displacement():
     """The magnification is round, and stated."""
     result = plate()
-    by_hand = axes_of(result, "deformed", magnification=1234.0)
-    assert "×1\u202f234;" in notes(by_hand)
+    assert "×1\u202f234;" in notes(axes_of(result, "deformed", magnification=1234.0))
     ax = axes_of(result, "deformed")
     assert "deformation shown ×1\u202f000\u202f000;" in notes(ax)
     assert len(drawn(ax, "moved")) == 400
@@ -81,8 +80,7 @@ def test_the_deformed_grid_sinks_by_magnification_times_displacement():
 
 def test_there_is_one_arrow_for_each_agent_and_direction_that_took_a_load():
     result = plate()
-    ax = axes_of(result, "loads")
-    arrows = drawn(ax, "loads taken")
+    arrows = drawn(axes_of(result, "loads"), "loads taken")
     assert len(arrows) == np.count_nonzero(result.last.taken)
     middles = np.array([arrow.min(axis=0) + arrow.max(axis=0) for arrow in arrows]) / 0.02
     assert np.isclose(middles % 1.0, 0.5).any(axis=1).all()  # in the middle of their cells
@@ -131,8 +129,7 @@ def test_a_giant_body_is_cropped_to_its_agents_and_says_so():
     assert "of 1\u202f000\u202f000 × 1\u202f000\u202f000 cells" in notes(ax)
     assert ax.get_xlabel() == "x − 5 km (mm)"
     assert ax.xaxis.get_major_formatter()(5000.012, 0) == "12"
-    whole = axes_of(giant, "scene")
-    assert len(drawn(whole, "material steel")) < 100_000
+    assert len(drawn(axes_of(giant, "scene"), "material steel")) < 100_000
 
 
 def test_an_unknown_picture_is_refused_with_a_suggestion():

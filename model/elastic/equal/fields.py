@@ -64,8 +64,7 @@ def _edge_values(
         given = problem.surface_shear[pair][at] / around[at]
         slope = np.where(np.isnan(around[at]), 0.0, given) + slope
     surface = np.where(np.isnan(high[at]), low[at] + 0.5 * slope, high[at] - 0.5 * slope)
-    mixed = 0.5 * (values[at] + surface)
-    values[at] = np.where(np.isnan(surface), values[at], mixed)
+    values[at] = np.where(np.isnan(surface), values[at], 0.5 * (values[at] + surface))
     return values, wall
 
 
@@ -192,8 +191,7 @@ def reactions(
         if end if upper else origin[axis] == 0:
             np.moveaxis(side, axis, 0)[-upper] = index
     holding = np.where(np.isin(kinds, (RIGID, ROLLER, FOUNDATION)), side, nothing)
-    inner = internal_force(problem, u)
-    for axis, force in enumerate(inner):
+    for axis, force in enumerate(internal_force(problem, u)):
         held, spring = problem.face_states[axis] == FIXED, problem.spring[axis]
         at = np.nonzero((held | (spring > 0.0)) & (True if counted is None else counted[axis]))
         # The load on a fixed face goes straight into the support.

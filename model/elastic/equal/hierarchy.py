@@ -104,8 +104,7 @@ class Hierarchy:
     def views(self, vector: NDArray[Any]) -> tuple[NDArray[Any], ...]:
         """Return a vector as one array per axis, ghost cells included."""
         finest = self.levels[0]
-        shape = (n for n in finest.level.box.shape if n > 1)
-        part = vector.reshape(self.dimension, *shape)
+        part = vector.reshape(self.dimension, *(n for n in finest.level.box.shape if n > 1))
         views = []
         for axis in range(self.dimension):
             ends = [FIRST + n + 1 + (a == axis) for a, n in enumerate(finest.cells)]

@@ -152,8 +152,7 @@ class Opinions(Fitting):
                 load[mesh.owner, mesh.side] = more
         if load.any() or body.any():
             self.phi += first_stress(mesh, sides, load, body, self.size)
-        rest = -level.blocks.gather(self._pull())
-        self.phi += level.blocks.own(level.solve(rest, gap))
+        self.phi += level.blocks.own(level.solve(-level.blocks.gather(self._pull()), gap))
 
     def _of_body_forces(self, before: Opinions, parent: Ints) -> Floats:
         """Return phi of the even stress of children where one grows within their parents."""

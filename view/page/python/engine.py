@@ -222,8 +222,8 @@ def begin(names, told):
         if isinstance(value, type):
             for name, usual in (BOUNDARIES | {"": MaterialAgent}).items():
                 if issubclass(value, usual) and value is not usual:
-                    spare += [classes[name]] if name in classes else []
                     classes[name] = value
+                    spare.append(value)
         elif isinstance(value, type(begin)) and (value.__code__.co_varnames or [""])[0] == "waiting":
             order = value
     order = names["order"] if callable(names.get("order")) else order

@@ -214,6 +214,23 @@ def test_a_click_opens_the_cell_and_a_slider_moves_its_arrows(shown):
     assert page.js("(page.touch([10, 18]), page.load(page.start), page.look.mode)") == "body"
 
 
+def test_a_pull_stretches_a_cell(shown):
+    column = {"cell_size": 0.01, "cells": [1, 4], "thickness": 0.01, "material": "steel"}
+    rule = {"kind": "prescribed", "alpha": [0.5, 0.9, 0.0], "beta": 1.0, "sense": True}
+    loads = [{"cell": [0, 3], "side": "top", "force": [0.0, 1.0]}]
+    page = shown(
+        Scene(body=column, sides={"bottom": "rigid"}, loads=loads, rule=rule | {"threshold": 0.35})
+    )
+    page.click((0, 3))
+    page.js("(page.seek(99), page.draw())")
+    rows = page.tab.locator(".cards table tr").all_inner_texts()
+    assert rows[1] == "↑ pull\t1 N\t1\tthe applied load"
+    assert "stretched by\tα₁P\t0.5 N" in rows
+    told = "and is squeezed by 215 mN. It passed on 1.72 N. Pulls stretch it by 739 mN."
+    assert told in page.text(".cards")
+    assert "Stretched by" in page.text(".story")
+
+
 # -------------------------------------------------------------------------------- direct loads
 
 

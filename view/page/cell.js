@@ -122,7 +122,7 @@ function cellCards(page) {
   }
   const cells = (...list) => list.map((text) => make("td", {}, text)), pickRow = (i) => { page.study = { ...study, at: i, row: taken[i] }; page.refresh(); };
   const table = make("table", {}, make("tr", {}, ...["", t("each"), t("howMany"), t("from")].map((text) => make("th", {}, text))),
-    ...taken.map((r, i) => make("tr", { className: i === at ? "on" : "", onclick: () => pickRow(i) }, ...cells(sign(L, r.channel), newtons(r.each), String(r.copies), senderOf(page, r, k)))));
+    ...taken.map((r, i) => make("tr", { className: i === at ? "on" : "", onclick: () => pickRow(i) }, ...cells(`${sign(L, r.channel)}${run.C > L.D ? ` ${t(r.channel < L.D ? "pushes" : "pulls")}` : ""}`, newtons(r.each), String(r.copies), senderOf(page, r, k)))));
   const { list, own, total } = leaving(run.scene, run, k, row.channel, row.each), kinds = ["ahead", "along", "outwards"];
   const parts = kinds.flatMap((kind) => {
     const some = list.filter((e) => e.kind === kind), [first] = some;
@@ -135,9 +135,9 @@ function cellCards(page) {
   const line = (word, value) => make("tr", {}, ...cells(word, newtons(value)));
   const edge = sum((r) => r.from >= 0 && run.kinds[r.from] < 0);
   const out = total / row.each, balance = make("p", {}, make("b", { textContent: t("inOut", { x: quantity(Number(out.toPrecision(4)), "N") }) }));
-  return [make("p", {}, make("b", { textContent: story ? t("inAll", { a: newtons(story.total), b: newtons(story.kept ?? 0), c: newtons(story.passed ? story.passed.reduce((a, b) => a + b, 0) : 0) }) + (story.dropped ? t("endedHere", { d: newtons(story.dropped) }) : "") : "" }), ...(run.scene.rule.accumulate ? [` ${t("addsUp")}`] : [])),
+  return [make("p", {}, make("b", { textContent: story ? t("inAll", { a: newtons(story.total), b: newtons((story.kept ?? 0) - story.pulled), c: newtons(story.passed ? story.passed.reduce((a, b) => a + b, 0) : 0) }) + (story.pulled ? t("pulledBy", { x: newtons(story.pulled) }) : "") + (story.dropped ? t("endedHere", { d: newtons(story.dropped) }) : "") : "" }), ...(run.scene.rule.accumulate ? [` ${t("addsUp")}`] : [])),
     card(t("cameIn", { g, c: cellName(L, k) }), table),
-    card(t("ofThisLoad", { p: newtons(row.each) }), make("table", {}, make("tr", {}, ...cells(t("keeps"), "α₁P", newtons(own, row.each))), ...parts)),
+    card(t("ofThisLoad", { p: newtons(row.each) }), make("table", {}, make("tr", {}, ...cells(t(row.channel < L.D ? "keeps" : "stretches"), "α₁P", newtons(own, row.each))), ...parts)),
     card(t("cameBack"), make("table", {}, line(t("fromWoken"), sum((r) => mine.includes(r.from))), line(t("fromEdge"), edge))), ...(Math.abs(out - 1) > 1e-9 ? [balance] : [])];
 }
 
@@ -184,30 +184,30 @@ function paintCell(page, box) {
   ctx.save(); ctx.translate(cx, cy); const tilt = Math.atan2(dy, dx); ctx.rotate(tilt); ctx.scale(pull ? 1 / squeeze : squeeze, pull ? squeeze : 1.01); ctx.rotate(-tilt); ctx.translate(-cx, -cy);
   outline(cx, cy, s - 1); ctx.fillStyle = paint; ctx.fill(); ctx.restore();
   // A load that came along a side stands at that side; one that came ahead stands behind.
-  const side = row.arm >= 0 && row.from >= 0 ? out(row.arm) : [-dx, -dy], behind = side[0] * dx + side[1] * dy < -0.5 || row.from < 0;
-  const start = behind ? [cx - dx * 1.08 * s, cy - dy * 1.08 * s] : [cx + side[0] * 0.3 * s - dx * 0.42 * s, cy + side[1] * 0.3 * s - dy * 0.42 * s];
-  thick(ctx, ...start, dx, dy, (behind ? 0.62 : 0.5) * s, width(P), inks.load, inks, false);
+  const side = row.arm >= 0 && row.from >= 0 ? out(row.arm) : [-dx, -dy], behind = (side[0] * dx + side[1] * dy) * (pull ? -1 : 1) < -0.5 || row.from < 0, inkOf = (channel) => (channel < L.D ? inks.load : inks.elastic);
+  const start = behind ? [cx + dx * (pull ? 0.46 : -1.08) * s, cy + dy * (pull ? 0.46 : -1.08) * s] : [cx + side[0] * 0.3 * s - dx * 0.42 * s, cy + side[1] * 0.3 * s - dy * 0.42 * s];
+  thick(ctx, ...start, dx, dy, (behind ? 0.62 : 0.5) * s, width(P), inkOf(row.channel), inks, false);
   const words = [], say = (text, x, y, ink, f = bold, align = "center") => words.push([text, x, y, ink, { font: f, align }]);
   const inwards = !behind && side[0] > 0.5 ? -1 : 1;   // words stand within the cell, off what it passes on
   const beside = Math.abs(dy) > 0.5 ? [start[0] + inwards * (width(P) / 2 + 12), start[1] + (dy > 0 ? 0.1 : -0.2) * s, inwards < 0 ? "right" : "left"] : [start[0] + dx * 0.3 * s, start[1] - width(P) / 2 - 26, "center"];
-  say(`P = ${newtons(P)}`, beside[0], beside[1], inks.load, bold, beside[2]);
+  say(`P = ${newtons(P)}`, beside[0], beside[1], inkOf(row.channel), bold, beside[2]);
   if (s > 120) say(`${t("cameFrom")} ${row.from < 0 ? t("outside") : run.kinds[row.from] >= 0 ? cellName(L, row.from) : senderOf(page, row, k)}`, beside[0], beside[1] + 18, inks.ink, font, beside[2]);
   for (const { arm, channel, load, ends, kind } of list) {
-    const [ax, ay] = out(arm), [ex, ey] = out(channel % L.D), [over, along, back, long] = STANDS[kind], length = long * s;
-    const x = cx + s * (over * ax - along * ex - back * dx), y = cy + s * (over * ay - along * ey - back * dy);
-    thick(ctx, x, y, ex, ey, length, Math.max(ends ? 8 : 2, width(load)), inks.load, inks, ends);
+    const [ax, ay] = out(arm), [ex, ey] = out(channel % L.D), [over, along, back, long] = STANDS[kind], length = long * s, far = over + (ax * ex + ay * ey < -0.5 ? long : 0);   // a pull points back at the cell
+    const x = cx + s * (far * ax - along * ex - back * dx), y = cy + s * (far * ay - along * ey - back * dy);
+    thick(ctx, x, y, ex, ey, length, Math.max(ends ? 8 : 2, width(load)), inkOf(channel), inks, ends);
     const text = `${newtons(load, P)}${ends ? `: ${t("ends_")}` : ""}`, upright = Math.abs(ey) > 0.5;
     const [wx, wy] = kind === "ahead" ? [x + ex * length * 0.6 + (upright ? width(load) / 2 + 10 : 0), y + ey * length * 0.6 + (upright ? 0 : width(load) / 2 + 14)] : kind === "along" ? [x + ex * length * (upright ? 0.5 : 0.5), y + ey * length + (upright ? ey * 14 : 18)] : upright ? [x - 12, y + ey * length * 0.5] : [x + ex * length * 0.5, y + 17];
     const align = !upright || kind === "along" ? "center" : kind === "ahead" ? "left" : "right";
-    say(text, wx, wy, ends ? inks.ink : inks.load, ends ? `600 ${font}` : bold, align);
+    say(text, wx, wy, ends ? inks.ink : inkOf(channel), ends ? `600 ${font}` : bold, align);
     if (s > 120) say(formulaOf(page, { kind, load }, P), wx, wy + (kind === "along" && ey < -0.5 ? -17 : 17), inks.soft, font, align);
   }
   const middle = cy + (behind ? 0 : 0.3 * s);
-  const [word, load] = [t("keeps"), newtons(own, P)], lines = s > 120 ? [[`${word} ${load}`, bold], ["α₁P", font]] : [[word, font], [load, bold]];   // a phone's cell is narrower than both
+  const [word, load] = [t(pull ? "stretches" : "keeps"), newtons(own, P)], lines = s > 120 ? [[`${word} ${load}`, bold], ["α₁P", font]] : [[word, font], [load, bold]];   // a phone's cell is narrower than both
   lines.forEach(([text, face], n) => say(text, cx, middle - 6 + 19 * n, inks.ink, face));
   words.forEach(([text, x, y, ink, options]) => paintWord(ctx, text, x, y, ink, inks, options));
   ctx.restore();
-  if (s > 120) t("cellKey", { g: quantity(run.scene.rule.threshold, "N") }).split(" · ").forEach((line, n) => paintWord(ctx, line, cx - 1.2 * s, cy + 1.21 * s + 12 + 17 * n, inks.soft, inks));
+  if (s > 120) (t("cellKey", { g: quantity(run.scene.rule.threshold, "N") }) + (run.C > L.D ? t("pullKey") : "")).split(" · ").forEach((line, n) => paintWord(ctx, line, cx - 1.2 * s, cy + 1.21 * s + 6 + 15 * n, inks.soft, inks));
 }
 
 /** What agents of one's own passed on so far, by arm: no formula is theirs. */
@@ -241,8 +241,9 @@ export function storyOf(page, k) {
   }
   const own = run.scene.rule.alpha === undefined ? null : sharesOf(run.scene.rule, material, L.dimension).own;
   const on = (c, axis) => c % D === axis || L.opposite[c % D] === axis;
-  const along = own === null || (sums.kept && !known) ? null : sums.kept ? page.keptAlong(k) : L.axes.map((axis) => own * taken.reduce((sum, v, c) => sum + (on(c, axis) ? v : 0), 0));
-  return { cell: L.cell(k), material: material.name, spawn: spawn[k], wakers, taken, total, along, kept: along && along.reduce((a, b) => a + b),
+  const pulled = own === null || sums.kept ? 0 : own * taken.slice(D).reduce((a, b) => a + b, 0);   // stretches it
+  const along = own === null || (sums.kept && !known) ? null : sums.kept ? page.keptAlong(k) : L.axes.map((axis) => own * taken.reduce((sum, v, c) => sum + (c < D && on(c, axis) ? v : 0), 0));
+  return { cell: L.cell(k), material: material.name, spawn: spawn[k], wakers, taken, total, along, kept: along && along.reduce((a, b) => a + b, pulled), pulled,
     passed: at("passed", D), dropped: at("dropped")?.[0] ?? null, returned: at("returned")?.[0] ?? null, now };
 }
 
@@ -267,7 +268,8 @@ export function tellStory(page, element) {
   const wakers = story.wakers.map((w) => `(${L.cell(w).join(", ")})`).join(", ");
   row("woken", t("byWhom", { g: story.spawn, w: wakers || t("outside") }));
   row("took", data(story.total), ": ", ...several(nonzero(story.taken, name)));
-  row("keptIt", ...(story.along ? [data(story.kept), ": ", ...several(nonzero(story.along, (n) => L.names[L.axes[n]].replace("+", "")))] : [later]));   // a cut counts what is along the load alone
+  row("keptIt", ...(story.along ? [data(story.kept - story.pulled), ": ", ...several(nonzero(story.along, (n) => L.names[L.axes[n]].replace("+", "")))] : [later]));   // a cut counts what is along the load alone
+  if (story.pulled) row("stretchedIt", data(story.pulled));
   row("passedOn", ...(story.passed ? several(nonzero(story.passed, (a) => L.names[a])) : [later]));
   row("ended", story.dropped === null ? later : data(story.dropped));
   for (const [key, label, whether] of run.states ?? []) {

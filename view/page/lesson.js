@@ -469,5 +469,5 @@ function ruleBox(t, scene) {
   if (rule.beta !== 1) { shaft("M98 56H56M64 51L56 56L64 61", true); word(4, 42, "(1−β)να₁P"); shaft("M182 56H224M216 51L224 56L216 61", true); word(196, 42, "(1−β)να₁P"); }
   word(140, 84, t("keeps"), "middle"); word(140, 102, "α₁P", "middle");
   const values = `${Object.entries({ "α₁": a1, "α₂": a2, ...(a3 ? { "α₃": a3 } : {}), ...(rule.beta === 1 ? {} : { "β": rule.beta, "ν": nu }) }).map(([name, v]) => `${name} = ${general(v, 4)}`).join(", ")}${rule.beta === 1 ? "" : `, (1−β)να₁ = ${general((1 - rule.beta) * nu * a1, 4)}`}, γ = ${quantity(rule.threshold, "N")}`;
-  return make("div", { className: "rulebox" }, svg, make("div", {}, make("h2", { textContent: t("cell") }), make("p", { textContent: `${rule.accumulate ? t("addsUp") : ""}${t("ruleInWords")}${a3 ? t("ruleSides") : ""}${rule.beta === 1 ? "" : t("ruleWidens")}` }), make("p", { textContent: values })));
+  return make("div", { className: "rulebox" }, svg, make("div", {}, make("h2", { textContent: t("cell") }), make("p", { textContent: `${rule.accumulate ? t("addsUp") : ""}${t("ruleInWords")}${a3 ? t("ruleSides") : ""}${rule.sense ? t("rulePulls") : ""}${rule.beta === 1 ? "" : t("ruleWidens")}` }), make("p", { textContent: values })));
 }

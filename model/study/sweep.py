@@ -434,9 +434,7 @@ def _table(result: Any) -> Mapping[str, Any]:
         return result
     if callable(getattr(result, "summary", None)):
         return dict(result.summary())
-    if is_dataclass(result):
-        return vars(result)
-    return {}
+    return vars(result) if is_dataclass(result) else {}
 
 
 def _everything(result: Any) -> Row:
@@ -470,10 +468,8 @@ def _found(result: Any, table: Mapping[str, Any], name: str) -> Any:
         try:
             if isinstance(found, Mapping):
                 found = found[key]
-            elif key.isdecimal():
-                found = found[int(key)]
             else:
-                found = getattr(found, key)
+                found = found[int(key)] if key.isdecimal() else getattr(found, key)
         except (KeyError, IndexError, TypeError, AttributeError):
             known = [part for key, value in table.items() for part, _ in _flat(key, value)]
             near = errors.suggestion(name, known)

@@ -205,11 +205,8 @@ def of_archive(data, rng):
 
 
 def damaged(path, data, rng, way):
-    if way == "flips":
-        return of_bytes(data, rng)
-    if path.suffix == ".npz":
-        return of_archive(data, rng)
-    return of_bytes(data, rng)
+    archive = path.suffix == ".npz" and way != "flips"
+    return of_archive(data, rng) if archive else of_bytes(data, rng)
 
 
 def late(*_):

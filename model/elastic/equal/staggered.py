@@ -233,9 +233,7 @@ def strain_matrix(problem: ElasticProblem, numbering: Numbering) -> sp.csr_array
     return sp.csr_array(sp.vstack(blocks, format="csr"))
 
 
-def rows_of(
-    problem: ElasticProblem,
-) -> tuple[Numbering, sp.csr_array, Floats, Floats, Floats]:
+def rows_of(problem: ElasticProblem) -> tuple[Numbering, sp.csr_array, Floats, Floats, Floats]:
     """Return a body whose stiffness, or whose strains at rest, change, as rows of strain: B.
 
     K = Bᵀ k B: of cells along each axis, edges, springs of the bed. First the active faces, then

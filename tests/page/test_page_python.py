@@ -156,6 +156,7 @@ MISTAKES = [  # what comes before, what is written, the line, and words of the s
     (TAKE, "self.kept += load.magnitud", 7, "kein `magnitud`; meinst du `magnitude`?"),
     (SEND, "super().emission(load)", 7, "kein `emission`; meinst du `emissions`?"),
     (TAKE, "self.model.treshold", 7, "meinst du `threshold`?"),
+    (TAKE, "self.positon", 7, "meinst du `position`?"),
     (TAKE, "Load(1, 2.0)", 7, "`Load` ist nicht bekannt; schreibe zuerst `from kaju import Load`"),
     (TAKE, "math.sqrt(2)", 7, "`math` ist nicht bekannt"),
     (TAKE, "1 / 0", 7, "Division durch null"),

@@ -339,7 +339,7 @@ def _store_of(out: Path | None, about: dict[str, Any]) -> SweepStore:
     store.begin(about)
     before = store.about()
     now = about["code"].items()
-    changed = ", ".join(sorted(dict(before.get("code", about["code"]).items() ^ now)))
+    changed = ", ".join(sorted(dict(before["code"].items() ^ now)))
     told = f"its rows were computed by other code ({changed} changed since)" if changed else ""
     if before["identity"] != about["identity"]:
         told = "holds another sweep (other points, scene, seed or measures)"

@@ -70,7 +70,9 @@ def check_class(name: str, agent: object, base: type) -> None:
         cure = "; take *start and call super().__init__(*start) first" * (hook == "__init__")
         require(takes(function, *start), f"{told} ({', '.join(start)}){cure}")
     told = f"{whose}.step never calls super().step(), so loads would wait for ever; call it,"
-    acts = "step" not in own or {"step", "inbox"} & _names_in(brought["step"])
+    names = _names_in(brought.get("step"))
+    names = names.union(*(_names_in(brought[name]) for name in names & {*brought} - {"step"}))
+    acts = "step" not in own or {"step", "inbox"} & names
     require(bool(acts), f"{told} or override take, emissions or pass_on instead")
 
 

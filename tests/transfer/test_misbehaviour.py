@@ -168,6 +168,7 @@ def test_what_is_no_answer_is_refused_by_name(kind):
     {"eager": property(lambda self: self.answer)}, {"_tell": lambda self: self.answer},
     {"_all": lambda self: [each.answer for each in self.model.agents]},
     {"take": MaterialAgent.take}, {"answer": lambda self, much: None}, {"answer": 0.5},
+    {"step": lambda self: self._act(), "_act": lambda self: MaterialAgent.step(self)},
 ])  # fmt: skip
 def test_a_method_that_something_calls_or_that_takes_no_load_is_let_alone(more):
     assert "at rest" in run(material(**{"answer": lambda self, load: None} | more)).outcome

@@ -17,7 +17,7 @@ const bare = (code) => code.replace(/("""|''')[\s\S]*?\1|"(?:\\.|[^"\\\n])*"|'(?
 
 /** What no agent may use, before anything runs: {line, word}. */
 export function refused(code) {
-  const lines = bare(code).split("\n"), methodOf = (text) => text.match(/^\s+def ([a-z]\w*)/)?.[1], hooked = lines.some((text) => HOOKS.includes(methodOf(text))), indent = (text) => text.search(/\S|$/);
+  const lines = bare(code).split("\n"), methodOf = (text) => text.match(/^\s+def ([a-z]\w*)/)?.[1], hooked = lines.some((text) => HOOKS.includes(methodOf(text)));
   for (const [n, text] of lines.entries()) {
     const brings = text.match(/^\s*(?:from\s+([\w.]+)\s+import|import\s+([\w.]+))/), from = brings && (brings[1] ?? brings[2]).split(".")[0];
     if (brings && !ALLOWED.includes(from)) return { line: n + 1, word: from, key: "notInPage" };
@@ -26,8 +26,7 @@ export function refused(code) {
     const method = methodOf(text), bareName = method?.toLowerCase().replace(/^(on|do)_|_agent$/g, ""), called = () => RegExp(`\\.${method}\\b`).test(lines.join("\n"));
     const hook = method && !HOOKS.includes(method) && !called() && (MEANT[bareName] ?? HOOKS.find((name) => name === bareName || near(bareName, name)) ?? (!hooked && /\(self, load\b/.test(text) && "take"));   // without any hook
     if (hook) return { line: n + 1, word: method, key: "notCalled", hook };
-    const end = lines.findIndex((one, at) => at > n && one.trim() && indent(one) <= indent(text)), body = [text.replace("step", ""), ...lines.slice(n + 1, end < 0 ? undefined : end)].join("\n");
-    if (method === "step" && !/\b(step|inbox)\b/.test(body)) return { line: n + 1, word: "super().step()", key: "neverTakes" };
+    if (method === "step" && !/\.step\b|\binbox\b/.test(lines.join("\n"))) return { line: n + 1, word: "super().step()", key: "neverTakes" };
   }
   return null;
 }

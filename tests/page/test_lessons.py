@@ -213,9 +213,9 @@ def test_a_drawing_is_a_guess_and_a_number_rounded_well_is_nearly_right(opened, 
     page.press("Next: Step")
     assert page.text(".recalled").startswith("You guessed: Above · Drawn on paper")
     field = page.tab.locator("input.field").nth(2)
-    told = {"14.6": "correct", "29.2/2": "correct", "15": "rounded too far: give more digits"}
-    told |= {"14.7": "look again · right within ± ", "14600": "check the unit: is it in N?"}
-    told |= {"14.2": "look again", "1460": "look again"}
+    told = {"15.4": "correct", "30.8/2": "correct", "15": "rounded too far: give more digits"}
+    told |= {"15.5": "look again · right within ± ", "15400": "check the unit: is it in N?"}
+    told |= {"14.2": "look again", "1540": "look again"}
     told |= {"9": "look again"}  # of nothing every thousandth is right
     for typed, verdict in told.items():
         page.js(f"(page.lesson.question.fields[2].answer *= {float(typed != '9')})")
@@ -229,7 +229,7 @@ def test_a_drawing_is_a_guess_and_a_number_rounded_well_is_nearly_right(opened, 
     page.js("page.lesson.next.go()")
     assert page.text("aside .flow").count("is still open") == 4  # the guess waits for all
     page.js("(page.lesson.questions.map(q => page.lesson.answer(q, [...'abcde'])), page.rebuild())")
-    assert re.search(r"a · b · c · d · e\n+Below.*before\.\n+2\. ", page.text("aside .flow"))
+    assert re.search(r"a · b · c · d · e\n+Less below.*with it\.\n+2\. ", page.text("aside .flow"))
     right = page.js(
         "page.lesson.go(1), page.lesson.question.fields.map((field) => String(field.answer))"
     )

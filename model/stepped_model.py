@@ -69,6 +69,10 @@ class SteppedModel(Model):
         except (TypeError, ValueError):
             told = "rng: its seed must be a whole number, not below 0"
             raise ParameterError(f"{told}, got {brief(given)}") from None
+        scenario = of_mesa.get("scenario")
+        if getattr(scenario, "rng", given) is not given:  # the keyword's counts, as of all numbers
+            of_mesa["scenario"] = scenario = copy(scenario)
+            vars(scenario)["rng"] = given
         super().__init__(rng=given, **of_mesa)
         self.seed = int(given) if isinstance(given, Integral) else None
         """Seed of the random numbers, also if none was given; None if `rng` was no whole number."""

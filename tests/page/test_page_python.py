@@ -385,6 +385,23 @@ def test_a_models_order_numbers_and_seed_are_those_of_its_page_and_of_what_is_sa
         kaju.export_page(model, tmp_path / "page.html", python=Fickle)
 
 
+class Switched(MaterialAgent):
+    on = kaju.Parameter(False, text="passes on")
+
+    def pass_on(self, load):
+        if self.on:
+            super().pass_on(load)
+
+
+def test_a_parameter_that_is_true_or_false_is_a_tick(opened, tmp_path):
+    model = LoadModel(SCENES["sides"], material_agent=Switched, on=True)
+    page = opened(kaju.export_page(model, tmp_path / "page.html", python=True))
+    assert runs(page, page.js("page.studio.code"))["agents"] == len(model.run().last.cells) > 1
+    assert page.tab.get_by_text("A challenge:").count() == 0  # of an agent of one's own
+    page.tab.get_by_label("passes on").click()
+    page.until("page.studio.result?.agents === 1")
+
+
 LOOKS = (
     CLASS
     + """def pass_on(self, load):

@@ -250,8 +250,14 @@ def test_the_scenario_of_mesas_page():
     model = LoadModel(small(), seed=7)
     if not hasattr(model, "scenario"):
         pytest.skip("Mesa knows scenarios from 3.5 on")
-    again = LoadModel(small(), scenario=type(model.scenario)(rng=7))
+    of_mesa = type(model.scenario)
+    again = LoadModel(small(), scenario=of_mesa(rng=7))
     assert again.random.random() == model.random.random()
+    given = of_mesa(rng=3, threshold=0.1)  # the keyword counts, and what is given stays as it is
+    assert (LoadModel(small(), scenario=given, seed=7).seed, given.rng) == (7, 3)
+    both = [of_mesa(threshold=gamma) for gamma in (0.01, 0.1)]
+    table = kaju.sweep(small(), {"run.scenario": both}, run=LoadModel, workers=1)
+    assert table["agents"][0] > table["agents"][1]
 
 
 def test_a_recorder_of_mesas_takes_the_figures():

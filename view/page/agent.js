@@ -67,7 +67,7 @@ export function told(t, { error, args = [], line }, code) {
 
 export class Workshop {
   constructor(page, { code, needs, values, ready, blob, licence }) {
-    Object.assign(this, { page, code, needs, ready, blob, licence, first: code, words: Object.assign({}, ...Object.values(ready).map((one) => one.words)), parameters: [], names: [], values, begun: values, printed: "", problem: null, active: false, foreign: false });
+    Object.assign(this, { page, code, needs, ready, blob, licence, first: code, words: Object.assign({}, ...Object.values(ready).map((one) => one.words)), parameters: [], names: [], values, begun: values, printed: "", problem: null, active: false, foreign: false, asks: !page.own?.source });
     globalThis.kaju = { runAgent: (text) => this.run(text) };
     setTimeout(() => this.wake(), 50);
   }
@@ -179,7 +179,7 @@ export class Workshop {
     const game = make("p", { className: "soft small", textContent: t("challengeIs", { a: general(this.applied(), 3), w: general(0.95 * this.applied(), 3) }) }), score = make("p", { className: "small", role: "status", textContent: this.challenge().filter(Boolean).join(" · ") });
     return [choose, ...asks, out, ...(this.problem ? [make("p", { className: "soft small", textContent: t("oldPicture") })] : []), ...bars, make("div", { className: "editor" }, this.gutter, this.field),
       make("div", { className: "tools" }, button(`${t("runCode")} (${/Mac|iP/.test(navigator.platform) ? "⌘ Enter" : t("runKeys")})`, () => { page.goal = null; this.run(); this.out.textContent = t("solving"); }, { className: "main" }), button(t("saveAgent"), () => this.save()), button(t("standardRule"), () => this.leave())),
-      ...((page.lesson?.step ?? "try") === "try" ? [game, score] : []), ...(this.printed ? [make("pre", { className: "printed", tabIndex: 0, textContent: this.printed + (this.shown > PRINTED ? `… ${this.shown}` : "") })] : [])];
+      ...((page.lesson?.step ?? "try") === "try" && this.asks ? [game, score] : []), ...(this.printed ? [make("pre", { className: "printed", tabIndex: 0, textContent: this.printed + (this.shown > PRINTED ? `… ${this.shown}` : "") })] : [])];
   }
   score() {
     const { page, page: { t, run } } = this, { agents, generations, taken, air, ground, rollers, lost, idle, grew, recorded } = this.result, n = (x) => general(x, 4);

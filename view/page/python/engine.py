@@ -235,7 +235,7 @@ def begin(names, told):
     spare = [one.__name__ for one in spare if not any([issubclass(own, one) for own in classes.values()])]
     engine = PageEngine(Model(told, values), classes.pop("", MaterialAgent), classes)
     return [
-        [[n, p.text or n, p.low, p.high, engine.model.parameters[n], p.whole] for n, p in numbers.items()],
+        [[n, p.text or n, p.low or 0, p.high or 0, engine.model.parameters[n], p.whole] for n, p in numbers.items()],
         [[n, s.meaning or n, isinstance(s.default, bool)] for n, s in engine.states.items()], named, spare,
     ]
 

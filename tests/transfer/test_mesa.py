@@ -257,7 +257,7 @@ def test_the_scenario_of_mesas_page():
     assert (LoadModel(small(), scenario=given, seed=7).seed, given.rng) == (7, 3)
     both = [of_mesa(threshold=gamma) for gamma in (0.01, 0.1)]
     table = kaju.sweep(small(), {"run.scenario": both}, run=LoadModel, workers=1)
-    assert table["agents"][0] > table["agents"][1]
+    assert table["material_agents"][0] > table["material_agents"][1]
 
 
 def test_a_recorder_of_mesas_takes_the_figures():

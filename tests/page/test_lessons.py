@@ -212,16 +212,16 @@ def test_a_drawing_is_a_guess_and_a_number_rounded_well_is_nearly_right(opened, 
     page.press("Drawn on paper")  # what was typed stays
     page.press("Next: Step")
     assert page.text(".recalled").startswith("You guessed: Above · Drawn on paper")
-    field = page.tab.locator("input.field").nth(2)
+    field = page.tab.locator("input.field").nth(3)
     told = {"15.4": "correct", "30.8/2": "correct", "15": "rounded too far: give more digits"}
     told |= {"15.5": "look again · right within ± ", "15400": "check the unit: is it in N?"}
     told |= {"14.2": "look again", "1540": "look again"}
     told |= {"9": "look again"}  # of nothing every thousandth is right
     for typed, verdict in told.items():
-        page.js(f"(page.lesson.question.fields[2].answer *= {float(typed != '9')})")
+        page.js(f"(page.lesson.question.fields[3].answer *= {float(typed != '9')})")
         field.fill(typed)
         field.press("Tab")
-        said = page.text(".fields label:nth-child(3) [role=status]")
+        said = page.text(".fields label:nth-child(4) [role=status]")
         assert said.split("± ")[0] == verdict.split("± ")[0]
     page.tab.locator("canvas").first.focus()
     page.tab.keyboard.press("c")  # no question asks for cuts: no key leads there

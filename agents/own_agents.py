@@ -102,6 +102,8 @@ def _check_names(name: str, agent: type, base: type, brought: dict[str, Any]) ->
         cure = f"write {key} = kaju.{kind}({brief(value)}{ends * (kind == 'Parameter')})"
         told = f"{key}: {agent.__name__} makes it {brief(value)}, but its base makes it a {kind};"
         require(not kind or isinstance(value, Declaration), f"{told} {cure}, or take another name")
+        bare = isinstance(value, type) and issubclass(value, Declaration)
+        require(not bare, f"{key}: {agent.__name__} makes it a class; call it, as kaju.State(0.0)")
     declares = declared([agent], Declaration if base is FaceAgent else State)
     for key, one in declares.items() if base is not MaterialAgent else ():
         state = "a State is kept of material agents only" * isinstance(one, State)

@@ -6,6 +6,7 @@ import re
 from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import fields, replace
 from inspect import signature
+from numbers import Integral
 from operator import attrgetter
 from time import perf_counter
 from typing import Any, Literal
@@ -274,7 +275,8 @@ class LoadModel(SteppedModel):
     def agent_at(self, index: tuple[int, ...]) -> MaterialAgent | None:
         """Return the material agent of a cell of the scene, None if no load has woken it."""
         told = f"index: column and row of a cell are needed, such as (10, 19), got {brief(index)}"
-        require(hasattr(index, "__len__") and len(index) == self.lattice.dimension, told)
+        whole = hasattr(index, "__len__") and all(isinstance(at, Integral) for at in index)
+        require(whole and len(index) == self.lattice.dimension, told)
         cells = " x ".join(map(str, self.lattice.shape))
         told = f"index: {brief(index)} is far outside of the {cells} cells"
         for at, count in zip(index, self.lattice.shape, strict=True):

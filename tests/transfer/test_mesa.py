@@ -116,7 +116,12 @@ def test_until_pauses_and_a_finished_model_counts_nothing(engine):
     told = r"until: a function of the model \(until=lambda model"
     with pytest.raises(ParameterError, match=told):
         model.run(until=lambda: True)
-    asked = {3: "got 3", (3, 4, 0): "got", (-1, 22): r"\(-1, 22\) is far outside of the 20 x 20"}
+    asked = {
+        3: "got 3",
+        (3, 4, 0): "got",
+        (1.5, 2): "got",
+        (-1, 22): r"\(-1, 22\) is far outside of the 20 x 20",
+    }
     for index, told in asked.items():
         with pytest.raises(ParameterError, match=f"^index: .*{told}"):
             model.agent_at(index)

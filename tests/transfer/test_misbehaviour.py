@@ -93,6 +93,7 @@ REFUSED = {
     "state misspelt": material(broke=State(0), take=lambda self, load: setattr(self, "broken", 1)),
     "states mixed up": material(worn=State(0), take=lambda self, load: setattr(self, "wron", 1)),
     "state set": after_take(lambda self, load: setattr(self, "worn", State(0.0))),
+    "state bare": material(worn=State),
     "state lost": over(State(0.0), 0.5),
     "parameter lost": over(kaju.Parameter(0.1, 0, 1), 0.5),
     "emissions None": material(emissions=lambda self, load: None),
@@ -180,6 +181,7 @@ def test_a_method_that_something_calls_or_that_takes_no_load_is_let_alone(more):
     ("state lost", r"^worn: Mine makes it 0.5, .* a State; write worn = kaju.State\(0.5\), or"),
     ("parameter lost", r"a Parameter; write worn = kaju.Parameter\(0.5, low, high\), or"),
     ("state set", "^worn: .*; declare it on a class"),
+    ("state bare", "^worn: Mine makes it a class; call it"),
 ])  # fmt: skip
 def test_what_is_not_kept_is_told_of_that_kind_alone(kind, told):
     with pytest.raises(KajuError, match=told):

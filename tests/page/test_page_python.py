@@ -1,6 +1,7 @@
 """Agents written in the page: the same code does the same in the page and in kaju."""
 
 import ast
+import math as m
 import sys
 from functools import partial
 from math import floor
@@ -326,11 +327,11 @@ def test_the_editor_is_used_by_keys_alone_and_open_to_everybody(opened, pages):
     page.check_open_to_everybody(390)
 
 
-WHOLE = 1.0
+WHOLE, Base = 1.0, MaterialAgent
 
 
 def left_of(agent):
-    return floor(1e9 * (WHOLE - agent.part * agent.random.random())) / 1e9
+    return floor(1e9 * m.fabs(WHOLE - agent.part * agent.random.random())) / 1e9
 
 
 class Losing:
@@ -339,7 +340,7 @@ class Losing:
         return [row._replace(share=left * row.share) for row in super().emissions(load)]
 
 
-class Fickle(Losing, MaterialAgent):
+class Fickle(Losing, Base):
     part = Parameter(0.1, 0.0, 1.0, "largest part that is lost")
 
 

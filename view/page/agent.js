@@ -227,7 +227,7 @@ export class Workshop {
   /** The agent, its scene and six lines that run it, as a Python file. */
   save() {
     const { page, code, values } = this, toml = tomlOf(page.scene, page.cells).replaceAll("\\", "\\\\").replaceAll('"""', "'''"), plain = bare(code);
-    const bases = Object.fromEntries([...plain.matchAll(/^class (\w+)\(([^)]*)/gm)].map(([, n, of]) => [n, of.match(/\w+/g) ?? []])), is = (n, base) => n === base || bases[n]?.some((of) => is(of, base));
+    const bases = Object.fromEntries([...[...plain.matchAll(/import (\w+) as (\w+)/g)].map(([, of, n]) => [n, [of]]), ...[...plain.matchAll(/^class (\w+)\(([^)]*)/gm)].map(([, n, of]) => [n, of.match(/\w+/g) ?? []])]), is = (n, base) => n === base || bases[n]?.some((of) => is(of, base));
     const last = (base) => Object.keys(bases).findLast((n) => is(n, base)), kinds = { free: "FreeBoundaryAgent", rigid: "RigidBoundaryAgent", roller: "RollerBoundaryAgent" };
     const walls = Object.entries(kinds).filter(([, base]) => last(base)).map(([kind, base]) => `"${kind}": ${last(base)}`).join(", "), order = [...plain.matchAll(/^def (\w+)\(waiting\b|^order = (\w+)/gm)].at(-1)?.slice(1).find(Boolean);
     const given = Object.entries(values).filter(([n]) => new RegExp(`^ +${n}\\b.*\\bParameter\\b`, "m").test(plain)).map(([n, v]) => [n, v === true ? "True" : v === false ? "False" : String(v)]);

@@ -20,7 +20,7 @@ from collections.abc import Iterable
 from contextlib import suppress
 from functools import cache
 from importlib.resources import files
-from types import FunctionType
+from types import FunctionType, ModuleType
 from typing import Any
 
 from kaju.errors import needing
@@ -105,7 +105,12 @@ def _source(part: type | FunctionType) -> str:
 
 def _own(name: str, of: Any) -> str:
     """Return the source or the line that makes what is called so; none of what others wrote."""
+    if isinstance(of, ModuleType):
+        there = of.__name__ in ("kaju", "math") and of.__name__ != name
+        return f"import {of.__name__} as {name}" * there
     if isinstance(of, (type, FunctionType)):
+        if of.__name__ != name and of.__module__.startswith("kaju."):
+            return f"from kaju import {of.__name__} as {name}"
         return _source(of) if is_own(of.__module__) and of.__name__ == name else ""
     if getattr(math, name, None) is of:
         return f"from math import {name}"
@@ -120,7 +125,8 @@ def _unknown(source: str) -> list[str]:
     names = [node for node in nodes if isinstance(node, ast.Name)]
     known = {node.id for node in names if not isinstance(node.ctx, ast.Load)} | set(dir(builtins))
     known |= {node.arg for node in nodes if isinstance(node, ast.arg)}
-    known |= {n.name for n in nodes if isinstance(n, (ast.ClassDef, ast.FunctionDef, ast.alias))}
+    known |= {n.name for n in nodes if isinstance(n, (ast.ClassDef, ast.FunctionDef))}
+    known |= {n.asname or n.name for n in nodes if isinstance(n, ast.alias)}
     return sorted({node.id for node in names} - known)
 
 

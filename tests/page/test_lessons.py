@@ -97,7 +97,7 @@ def test_all_languages_tell_the_same_numbers(name):
             assert language != "de" or not re.search(r"\d\.\d", answer.replace("25.600", ""))
 
 
-@pytest.mark.parametrize("name", ORDER)
+@pytest.mark.parametrize("name", [pytest.param(name, marks=LONG.get(name, ())) for name in ORDER])
 def test_a_page_is_told_words_and_no_programs(name):
     of = lesson(name)
     for language, text in of.texts.items():

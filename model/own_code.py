@@ -13,7 +13,7 @@ from functools import cached_property, partial
 from hashlib import blake2b
 from json import dumps
 from sys import modules, stdlib_module_names
-from types import CodeType, FunctionType, MethodType, ModuleType
+from types import CodeType, FunctionType, MethodType, ModuleType, NoneType
 from typing import Any
 
 import numpy as np
@@ -27,11 +27,14 @@ PARTS: dict[type, tuple[str, ...]] = {
     MethodType: ("__func__", "__self__"),
 }
 """What holds functions, and where."""
+PLAIN = (str, int, float, bool, NoneType)
 
 
-def is_own(module: str) -> bool:
+def is_own(module: str | None) -> bool:
     """Tell whether a module is of neither kaju, nor Python, nor an installed package."""
-    theirs = module.partition(".")[0] in ("kaju", *stdlib_module_names)
+    module = module or ""
+    top = module.partition(".")[0]
+    theirs = top == "kaju" or top in stdlib_module_names
     return not theirs and "-packages" not in (getattr(modules.get(module), "__file__", "") or "")
 
 
@@ -50,8 +53,10 @@ def own_code(of: Any) -> dict[str, str]:
 
     def told(of: Any) -> Any:
         """Return in texts what a value is made of; of classes and functions their names."""
+        if type(of) in PLAIN:  # a sweep may have very many
+            return repr(of)
         if isinstance(of, type | FunctionType):
-            if is_own(of.__module__ or "") and new(of):
+            if is_own(of.__module__) and new(of):
                 parts = kind(of) if isinstance(of, type) else function(of)
                 noted.setdefault(of.__qualname__, []).append(parts)
             return f"{of.__module__}.{of.__qualname__}"
@@ -64,7 +69,8 @@ def own_code(of: Any) -> dict[str, str]:
         if isinstance(of, set | frozenset):
             return sorted(dumps(told(one)) for one in of)
         if isinstance(of, np.ndarray):
-            return [told(of.tobytes()), str(of.dtype), of.shape]
+            small = None if of.dtype.hasobject else blake2b(of.tobytes(), digest_size=8).hexdigest()
+            return [small or told(of.tolist()), str(of.dtype), of.shape]
         if isinstance(inner := getattr(of, "__wrapped__", 0), FunctionType):
             return told(inner)
         if type(of) in PARTS:

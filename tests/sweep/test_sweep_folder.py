@@ -78,7 +78,8 @@ EDITED = """
 import functools, sys
 import numpy as np
 import kaju
-KEEP, WORDS, STEPS, RUNS = 0.5, ["up", "down"], np.arange(3.0), 0
+KEEP, STEPS, RUNS = 0.5, np.arange(3.0), 0
+WORDS = np.array(["up", "down"], object)
 class Base(kaju.MaterialAgent):
     \"\"\"Words, and no rule.\"\"\"
     part = kaju.Parameter(0.25, 0.0, 1.0)
@@ -108,14 +109,14 @@ def rows(out):
     return kaju.sweep(plate, {"rule.threshold": [0.1, 0.2]}, out=out, **told)["own"].tolist()
 """
 EDITS = [
-    ("KEEP, WORDS, STEPS, RUNS = 0.5", "KEEP, WORDS, STEPS, RUNS = 0.25", "KEEP"),
+    ("KEEP, STEPS, RUNS = 0.5", "KEEP, STEPS, RUNS = 0.25", "KEEP"),
     ("KEEP * row", "KEEP**2 * row", "Base.emissions"),
     ("Mine(Base)", "Mine(kaju.MaterialAgent)", "Base, Base.emissions, KEEP, Mine"),
     ("Parameter(0.25", "Parameter(0.75", "Base"),
     ("agent: 3.0", "agent: 4.0", "Mine.<lambda>"),
     ("own=0.5", "own=0.4", "Rule.shares"),
     ("2 * x", "3 * x", "doubled"),
-    ('"down"], np', '"town"], np', "WORDS"),
+    ('"down"], obj', '"town"], obj', "WORDS"),
     ("arange(3.0)", "arange(4.0)", "STEPS"),
     ("    return waiting", "    return waiting[:1]", "order"),
     ("scaled(1)", "scaled(2)", "scaled.<locals>.<lambda>"),

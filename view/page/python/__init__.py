@@ -109,7 +109,7 @@ def _own(name: str, of: Any) -> str:
         there = of.__name__ in ("kaju", "math") and of.__name__ != name
         return f"import {of.__name__} as {name}" * there
     if isinstance(of, (type, FunctionType)):
-        if of.__name__ != name and of.__module__.startswith("kaju."):
+        if of.__name__ != name and (of.__module__ or "").startswith("kaju."):
             return f"from kaju import {of.__name__} as {name}"
         return _source(of) if is_own(of.__module__) and of.__name__ == name else ""
     if getattr(math, name, None) is of:

@@ -6,6 +6,7 @@ Steps of a `Stepper` are not taken back: a result holds all records, so look bac
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from time import perf_counter
 from typing import Generic, TypeVar
 
@@ -53,10 +54,10 @@ class Stepper(ABC, Generic[R]):
         return step_to_end(self, until, self.result, self.progress, progress)
 
 
-def counted(number: int, thing: str) -> str:
+def counted(number: int, thing: str, written: Callable[[int], str] = str) -> str:
     """Return a number of things: "1 generation", "12 generations", "12 pushes"."""
     many = "es" if thing.endswith("sh") else "s"
-    return f"{number} {thing}{many * (number != 1)}"
+    return f"{written(number)} {thing}{many * (number != 1)}"
 
 
 def not_balanced(after: str, off: float) -> str:

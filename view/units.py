@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from functools import partial
 from math import floor, inf, isfinite, log10
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
+
+from kaju.model import stepper
 
 _PREFIXES = {
     -18: "a", -15: "f", -12: "p", -9: "n", -6: "µ", -3: "m",
@@ -58,9 +61,8 @@ def grouped(number: float) -> str:
     return f"{round(number):,}".replace(",", "\u202f")  # narrow, and no line breaks there
 
 
-def counted(number: int, thing: str) -> str:
-    """Return a number of things: ``"1 generation"``, ``"12 generations"``."""
-    return f"{grouped(number)} {thing}{'' if number == 1 else 's'}"
+counted = partial(stepper.counted, written=grouped)
+"""Return a number of things with its thousands set apart."""
 
 
 def times(magnification: float) -> str:

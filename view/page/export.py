@@ -28,6 +28,7 @@ from kaju.model.rheology.creeping import creep
 from kaju.model.scene import Scene
 from kaju.model.scene.lattice import BUILT_IN
 from kaju.model.stepped_model import SteppedModel
+from kaju.model.stepper import counted
 from kaju.model.study.solving import solve
 from kaju.model.transfer.load_model import LoadModel
 from kaju.model.transfer.stability import stability
@@ -215,7 +216,7 @@ def packed_page(
         stable, verdict = bool(certificate.stable), certificate.verdict
         if not certificate.known and last.outcome:  # nobody knew before the run; now it is known
             stable = last.outcome.startswith("at rest")
-            verdict = last.outcome + (f", {len(last.cells)} agents" if stable else "")
+            verdict = last.outcome + (f", {counted(len(last.cells), 'agent')}" if stable else "")
             idle = [told for told in shown.caveats_in_brief if told.startswith("no load reached")]
             verdict = "; ".join([verdict, *idle])
         header |= {

@@ -40,7 +40,8 @@ function distance(a, b) {
 }
 const NAMES = "MaterialAgent FreeBoundaryAgent RigidBoundaryAgent RollerBoundaryAgent Load Emission Shares Parameter State direction magnitude copies sense total arm share kept taken passed dropped squeezed index position cell neighborhood agents agent_at model material shares threshold generation emissions take pass_on shortening give_back turn spawn_step woken_by random super self load True False None return import range print super append hand_over uniform choice random own forward friction poisson".split(" ");
 /** The name that is meant: small letters stay small. */
-const closest = (word, code) => [...NAMES, ...new Set(bare(code).match(/[A-Za-z_]\w*/g))].filter((n) => near(n, word) && !/^(and|as|class|def|elif|else|for|from|if|import|in|is|lambda|not|or|pass|return|try|while|with|yield)$/.test(n)).sort((a, b) => far(a, word) - far(b, word))[0], far = (a, b) => distance(a, b) + (a[0] !== b[0]) / 2;
+const KEYWORD = /^(and|as|class|def|elif|else|for|from|if|import|in|is|lambda|not|or|pass|return|try|while|with|yield)$/;
+const closest = (word, code) => [...NAMES, ...new Set(bare(code).match(/[A-Za-z_]\w*/g))].filter((n) => near(n, word) && !KEYWORD.test(n)).sort((a, b) => far(a, word) - far(b, word))[0], far = (a, b) => distance(a, b) + (a[0] !== b[0]) / 2;
 
 /** What a guard of kaju says, in the reader's language; in English as it is. */
 function guarded(t, text) {

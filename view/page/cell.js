@@ -135,7 +135,7 @@ function cellCards(page) {
   const line = (word, value) => make("tr", {}, ...cells(word, newtons(value)));
   const edge = sum((r) => r.from >= 0 && run.kinds[r.from] < 0);
   const out = total / row.each, balance = make("p", {}, make("b", { textContent: t("inOut", { x: quantity(Number(out.toPrecision(4)), "N") }) }));
-  return [make("p", {}, make("b", { textContent: story ? t("inAll", { a: newtons(story.total), b: newtons((story.kept ?? 0) - story.pulled), c: newtons(story.passed ? story.passed.reduce((a, b) => a + b, 0) : 0) }) + (story.pulled ? t("pulledBy", { x: newtons(story.pulled) }) : "") + (story.dropped ? t("endedHere", { d: newtons(story.dropped) }) : "") : "" }), ...(run.scene.rule.accumulate ? [` ${t("addsUp")}`] : [])),
+  return [make("p", {}, make("b", { textContent: story ? t("inAll", { a: newtons(story.total), b: newtons(story.squeezed ?? 0), c: newtons(story.passed ? story.passed.reduce((a, b) => a + b, 0) : 0) }) + (story.pulled ? t("pulledBy", { x: newtons(story.pulled) }) : "") + (story.dropped ? t("endedHere", { d: newtons(story.dropped) }) : "") : "" }), ...(run.scene.rule.accumulate ? [` ${t("addsUp")}`] : [])),
     card(t("cameIn", { g, c: cellName(L, k) }), table),
     card(t("ofThisLoad", { p: newtons(row.each) }), make("table", {}, make("tr", {}, ...cells(t(row.channel < L.D ? "keeps" : "stretches"), "α₁P", newtons(own, row.each))), ...parts)),
     card(t("cameBack"), make("table", {}, line(t("fromWoken"), sum((r) => mine.includes(r.from))), line(t("fromEdge"), edge))), ...(Math.abs(out - 1) > 1e-9 ? [balance] : [])];
@@ -185,7 +185,7 @@ function paintCell(page, box) {
   outline(cx, cy, s - 1); ctx.fillStyle = paint; ctx.fill(); ctx.restore();
   // A load that came along a side stands at that side; one that came ahead stands behind.
   const side = row.arm >= 0 && row.from >= 0 ? out(row.arm) : [-dx, -dy], behind = (side[0] * dx + side[1] * dy) * (pull ? -1 : 1) < -0.5 || row.from < 0, inkOf = (channel) => (channel < L.D ? inks.load : inks.elastic);
-  const start = behind ? [cx + dx * (pull ? 0.46 : -1.08) * s, cy + dy * (pull ? 0.46 : -1.08) * s] : [cx + side[0] * 0.3 * s - dx * 0.42 * s, cy + side[1] * 0.3 * s - dy * 0.42 * s];
+  const off = (pull ? 0.46 : -1.08) * s, start = behind ? [cx + dx * off, cy + dy * off] : [cx + side[0] * 0.3 * s - dx * 0.42 * s, cy + side[1] * 0.3 * s - dy * 0.42 * s];
   thick(ctx, ...start, dx, dy, (behind ? 0.62 : 0.5) * s, width(P), inkOf(row.channel), inks, false);
   const words = [], say = (text, x, y, ink, f = bold, align = "center") => words.push([text, x, y, ink, { font: f, align }]);
   const inwards = !behind && side[0] > 0.5 ? -1 : 1;   // words stand within the cell, off what it passes on
@@ -242,8 +242,8 @@ export function storyOf(page, k) {
   const own = run.scene.rule.alpha === undefined ? null : sharesOf(run.scene.rule, material, L.dimension).own;
   const on = (c, axis) => c % D === axis || L.opposite[c % D] === axis;
   const pulled = own === null || sums.kept ? 0 : own * taken.slice(D).reduce((a, b) => a + b, 0);   // stretches it
-  const along = own === null || (sums.kept && !known) ? null : sums.kept ? page.keptAlong(k) : L.axes.map((axis) => own * taken.reduce((sum, v, c) => sum + (c < D && on(c, axis) ? v : 0), 0));
-  return { cell: L.cell(k), material: material.name, spawn: spawn[k], wakers, taken, total, along, kept: along && along.reduce((a, b) => a + b, pulled), pulled,
+  const along = own === null || (sums.kept && !known) ? null : sums.kept ? page.keptAlong(k) : L.axes.map((axis) => own * taken.reduce((sum, v, c) => sum + (c < D && on(c, axis) ? v : 0), 0)), squeezed = along && along.reduce((a, b) => a + b);
+  return { cell: L.cell(k), material: material.name, spawn: spawn[k], wakers, taken, total, along, squeezed, pulled, kept: along && squeezed + pulled,
     passed: at("passed", D), dropped: at("dropped")?.[0] ?? null, returned: at("returned")?.[0] ?? null, now };
 }
 
@@ -268,7 +268,7 @@ export function tellStory(page, element) {
   const wakers = story.wakers.map((w) => `(${L.cell(w).join(", ")})`).join(", ");
   row("woken", t("byWhom", { g: story.spawn, w: wakers || t("outside") }));
   row("took", data(story.total), ": ", ...several(nonzero(story.taken, name)));
-  row("keptIt", ...(story.along ? [data(story.kept - story.pulled), ": ", ...several(nonzero(story.along, (n) => L.names[L.axes[n]].replace("+", "")))] : [later]));   // a cut counts what is along the load alone
+  row("keptIt", ...(story.along ? [data(story.squeezed), ": ", ...several(nonzero(story.along, (n) => L.names[L.axes[n]].replace("+", "")))] : [later]));   // a cut counts what is along the load alone
   if (story.pulled) row("stretchedIt", data(story.pulled));
   row("passedOn", ...(story.passed ? several(nonzero(story.passed, (a) => L.names[a])) : [later]));
   row("ended", story.dropped === null ? later : data(story.dropped));

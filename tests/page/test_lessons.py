@@ -211,7 +211,7 @@ def test_a_drawing_is_a_guess_and_a_number_rounded_well_is_nearly_right(opened, 
     page.tab.get_by_role("textbox").fill("Above")
     page.press("Drawn on paper")  # what was typed stays
     page.press("Next: Step")
-    assert page.text(".recalled").startswith("You guessed: Above · Drawn on paper")
+    assert page.text(".recalled").startswith("You guessed at first: Above · Drawn on paper")
     field = page.tab.locator("input.field").nth(3)
     told = {"15.4": "correct", "30.8/2": "correct", "15": "rounded too far: give more digits"}
     told |= {"15.5": "look again · right within ± ", "15400": "check the unit: is it in N?"}
@@ -223,6 +223,10 @@ def test_a_drawing_is_a_guess_and_a_number_rounded_well_is_nearly_right(opened, 
         field.press("Tab")
         said = page.text(".fields label:nth-child(4) [role=status]")
         assert said.split("± ")[0] == verdict.split("± ")[0]
+    page.js("Object.assign(page.lesson.question.fields[3], { answer: 14, tolerance: 0.0474 })")
+    field.fill("14.08")  # what is right within odd digits helps nobody
+    field.press("Tab")
+    assert page.text(".fields label:nth-child(4) [role=status]") == "look again"
     page.tab.locator("canvas").first.focus()
     page.tab.keyboard.press("c")  # no question asks for cuts: no key leads there
     assert page.js("(page.lesson.go(3), page.look.mode)") == "body"

@@ -309,7 +309,7 @@ function questionCards(lesson, q) {
 function endCards(lesson) {
   const { page, page: { t }, questions } = lesson, open = (list) => list.find((q) => !lesson.answered(q));
   const own = (q) => (lesson.own(q) ? [make("p", {}, `${t("yourAnswer")}: `, make("em", { textContent: lesson.own(q) }))] : []);
-  const card = (q, waits) => own(q).concat(waits ? button(t("openQuestion", { n: questions.indexOf(waits) + 1 }), () => lesson.visit(questions.indexOf(waits))) : rendered(page.say(q.answer ?? "").split("\n\n")[0]));   // what follows is for the teacher
+  const card = (q, waits) => own(q).concat(q.kind === "cells" && !waits ? answerOf(page, q, true)[0] : [], waits ? button(t("openQuestion", { n: questions.indexOf(waits) + 1 }), () => lesson.visit(questions.indexOf(waits))) : rendered(page.say(q.answer ?? "").split("\n\n")[0]));   // what follows is for the teacher
   return [make("h2", { className: "question", textContent: t("thereWas") }), make("p", { textContent: t("compareHow") }),
     ...questions.map((q, n) => make("section", { className: "card" }, make("h3", {}, `${n + 1}. `, ...inline(page.say(q.question))), ...card(q, open(q.step === "predict" ? questions : [q]))))];
 }
@@ -351,7 +351,7 @@ function judged(lesson, q, i, text) {
   if (q.fields.some((other, j) => j !== i && isRight(other, v) && isRight(field, lesson.number(q, j)))) return t("exchanged");
   if (unit === "%" && !/[%％]/.test(text) && isRight(field, 100 * v)) return t("notIn", { u: t("percent") });
   if (unit && field.answer && [0.001, 1000, ...(unit.includes("cm") ? [0.01, 100] : [])].some((f) => isRight(field, f * v))) return t("checkUnit", { u: unit });
-  return t("lookAgain") + (field.tolerance > 0 && !q.rounds && off < 2 * field.tolerance ? ` · ${t("within", { e: `${general(field.tolerance, 3)}${unit === "%" ? ` ${t("points")}` : ""}` })}` : "");
+  return t("lookAgain") + (field.tolerance > 0 && field.tolerance === Number(field.tolerance.toPrecision(2)) && !q.rounds && off < 2 * field.tolerance ? ` · ${t("within", { e: `${general(field.tolerance, 2)}${unit === "%" ? ` ${t("points")}` : ""}` })}` : "");
 }
 
 function guessCards(lesson, q) {
@@ -406,8 +406,8 @@ function loadWords({ scene } = {}) {
 }
 const solution = (page, q) => [make("p", { textContent: (q.fields ?? []).map((f) => `${page.say(f.label) ?? ""}: ${local(f.key ?? String(f.answer))} ${page.say(f.unit) ?? ""}`).join(" · ") }), ...(q.answer ? [rendered(page.say(q.answer))] : [])];
 
-/** What has been answered, in italics; lines where nothing has. */
-function answerOf(page, q) {
+/** What has been answered, in italics; lines where nothing has. `open`: what happened is no secret any more. */
+function answerOf(page, q, open) {
   const { lesson, t } = page, given = lesson.answers[q.key], lines = (n) => Array.from({ length: n }, () => make("div", { className: "ruled" }));
   const written = lesson.said(q.kind === "number" ? given?.[q.fields.length] : given), text = written?.trim() ? [make("p", { className: "given", textContent: written })] : null;
   if (q.kind === "number") return [make("table", {}, make("tr", {}, ...q.fields.map((f) => make("th", {}, page.say(f.label) ?? ""))),
@@ -416,7 +416,7 @@ function answerOf(page, q) {
   if (q.kind !== "cells" || page.run.lattice?.dimension !== 2) return text ?? lines(q.lines ?? 3);
   const guess = lesson.guesses[q.key] ?? {}, first = lesson.firsts[q.key], spawned = {}, { scene, cells = page.start.cells } = page.presets[q.show?.preset ?? 0];
   const run = page.touchable ? new Twin(scene, cells).run(q.until) : page.run, known = { run, scene };   // the question's own, whatever is loaded now
-  run.lattice.each((k) => { if (first && run.spawn[k] > 0 && run.spawn[k] <= q.until) spawned[k] = run.spawn[k]; });
+  run.lattice.each((k) => { if ((first || open) && run.spawn[k] > 0 && run.spawn[k] <= q.until) spawned[k] = run.spawn[k]; });
   return [make("div", { className: "grids" }, grid(known, t("myGuess"), first ?? guess, { ...guess, ...spawned }), grid(known, t("whatHappened"), spawned, { ...guess, ...spawned })), make("p", { textContent: t("surprise") }), ...(text ?? lines(1))];
 }
 

@@ -304,11 +304,12 @@ export class Page {
     if (this.picked >= 0) paintPick(view, L.cell(this.picked), inks);
     if (part.window) view.ctx.clearRect(0, view.h - 52, view.w, 52);
     if (!box.w && (!this.lesson || this.g > 0)) paintLegend(view, scale, this.word(look.colour), this.kindOf(scale), (v) => quantity(v, UNITS[look.colour], scale.log ? 0 : scale.high), inks, scale.whether ? [[0, t("no")], [1, t("yes")]] : null);
-    const scaled = moved ? t("magnified", { n: quantity(factor, "") }) : run.grown && this.g >= run.generation ? t("grown") : run.atRest && !run.generation ? t("nothing") : look.colour === "taken" && this.picked >= 0 && !box.w && this.canvas.clientWidth > 520 && values.some((v) => v > 1.001 * run.applied) ? t("takenMore") : "";
-    const ruled = this.deformable && !box.w && moved ? t("keepsNone") : "";   // beside cuts a card says so
     const sensed = look.arrows && !box.w && run.C > L.D ? t("arrowKey") : "";
+    const scaled = moved ? t("magnified", { n: quantity(factor, "") }) : run.grown && this.g >= run.generation ? t("grown") : run.atRest && !run.generation ? t("nothing") : look.colour === "taken" && this.picked >= 0 && !box.w && this.canvas.clientWidth > 520 && !sensed && values.some((v) => v > 1.001 * run.applied) ? t("takenMore") : "";
+    const ruled = this.deformable && !box.w && moved ? t("keepsNone") : "";   // beside cuts a card says so
     const read = this.picked >= 0 && storyOf(this, this.picked), took = read ? `(${read.cell.join(", ")}): ${t("took")} ${quantity(read.total, "N")}` : "", asked = this.lesson?.question?.show?.rule ? `${t("agents")}: ${run.alive[this.g - 1] ?? 0}` : "";   // on a phone the panel is a long way down
-    this.parts.cap.textContent = this.told || [asked, took, scaled, ruled, sensed].filter(Boolean).join(" · ");
+    const numbers = [asked, took].filter(Boolean).join(" · "), notes = [scaled, ruled, sensed].filter(Boolean).join(" · ");
+    this.parts.cap.replaceChildren(...(this.told ? [this.told] : [make("b", { textContent: numbers }), numbers && notes ? ` · ${notes}` : notes]));
   }
   /** What a legend says of its scale: in a lesson also that other examples have another. */
   kindOf({ log, whether }) { return whether ? "" : this.t(log ? "log" : "linear") + (this.lesson?.several && !/density|pull/.test(this.look.colour) ? ` · ${this.t("ownScale")}` : ""); }

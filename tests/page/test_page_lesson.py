@@ -109,6 +109,8 @@ def test_a_guess_is_laid_over_what_happens_and_kept(opened, lesson):
     assert page.tab.get_by_role("textbox").input_value() == "It goes sideways first"
     assert page.js("Object.values(page.lesson.guess).length") == 9
     assert page.tab.get_by_text("Saved on this computer").is_visible()
+    page.js("(page.lesson.go(1), page.draw())")
+    assert "Passed on" not in page.text("aside")  # arrows say it: pushes outwards add up to none
     page.js("page.lesson.questions.map((q) => page.lesson.answer(q, q.fields ? [...'1x'] : 'x'))")
     page.js("(page.lesson.go(4), page.rebuild())")
     both = page.tab.locator("aside .grids figure")  # in the end the guess stands beside the truth
@@ -206,7 +208,6 @@ def test_a_click_opens_the_cell_and_a_slider_moves_its_arrows(shown):
     assert "from neighbours it woke\t325 mN" in page.text(".cards")
     assert "becomes 1.15 N that" in page.text(".cards")
     assert page.text(".cap b") == "(10, 18): Took 1.45 N"
-    assert "Passed on" not in page.text("aside")  # by its arrows: pushes outwards add up to nothing
     assert page.text(".cards").startswith("In all it took 1.45 N, and is squeezed by 725 mN")
     field = page.tab.get_by_role("textbox", name="α₂ passed ahead")
     field.fill("0,4")

@@ -270,7 +270,7 @@ export function tellStory(page, element) {
   row("took", data(story.total), ": ", ...several(nonzero(story.taken, name)));
   row("keptIt", ...(story.along ? [data(story.squeezed), ": ", ...several(nonzero(story.along, (n) => L.names[L.axes[n]].replace("+", "")))] : [later]));   // a cut counts what is along the load alone
   if (story.pulled) row("stretchedIt", data(story.pulled));
-  if (page.mode?.name !== "cell") row("passedOn", ...(story.passed ? several(nonzero(story.passed, (a) => L.names[a])) : [later]));
+  if (!page.lesson || page.mode?.name !== "cell") row("passedOn", ...(story.passed ? several(nonzero(story.passed, (a) => L.names[a])) : [later]));
   row("ended", story.dropped === null ? later : data(story.dropped));
   for (const [key, label, whether] of run.states ?? []) {
     const value = page.sums[`state ${key}`]?.sum[k] ?? 0;

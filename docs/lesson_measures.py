@@ -40,7 +40,7 @@ class Seen:
     """A plane scene of squares under a load from above, run and solved when first asked for."""
 
     def __init__(self, scene: kaju.Scene, **how: Any) -> None:
-        self.scene, self.how = scene, how or {"engine": "arrays"}
+        self.scene, self.how = scene, how or {"engine": "arrays", "allow_unstable": True}
         self.certificate = kaju.stability(scene)
 
     def __getattr__(self, word: str) -> Callable[..., Any]:
@@ -86,10 +86,10 @@ class Seen:
         return half_width(pressure)
 
 
-def _ready(seen: Seen, name: str, **numbers: float) -> Seen:
-    """Return the scene under agents that pages begin with in the tab *Agent*."""
+def _ready(seen: Seen, name: str, put: tuple[str, str] = ("", ""), **numbers: float) -> Seen:
+    """Return the scene under agents that pages begin with in the tab *Agent*, one word changed."""
     names: dict[str, Any] = {"__name__": name}
-    exec(header({})["python"]["ready"][name]["code"], names)  # noqa: S102
+    exec(header({})["python"]["ready"][name]["code"].replace(*put), names)  # noqa: S102
     own = (value for value in names.values() if isinstance(value, type))
     agent = next(value for value in own if value.__module__ == name)
     return Seen(seen.scene, material_agent=agent, seed=1, **numbers)
@@ -146,6 +146,9 @@ PLANE: Words = {
     "load_at": lambda seen, generation: seen.only_load(generation)[0],  # row, from the ground
     "load_in": lambda seen, generation: seen.only_load(generation)[1],
     "pull_in": lambda seen, generation: seen.only_load(generation)[2],
+    "taken_in": lambda seen, generation: float(  # by all agents
+        seen.stage.history.load[seen.stage.history.generation == generation].sum()
+    ),
     "pulls": lambda seen: bool(seen.stage.pulled.any()),
     "first_pull": lambda seen: int(
         seen.stage.history.generation[seen.stage.history.pull].min()  # its generation

@@ -126,7 +126,7 @@ def accepted(value: float, tolerance: float) -> str:
     if tolerance <= 0.004 * abs(value):
         return f"{short:g}"
     step = 10.0 ** floor(log10(near))
-    low, high = ceil((value - tolerance) / step), floor((value + tolerance) / step)
+    low, high = ceil((value - tolerance) / step - 1e-6), floor((value + tolerance) / step + 1e-6)
     return f"{short:g} ({low * step:g} – {high * step:g})"
 
 

@@ -158,11 +158,12 @@ def _grows(transfer: Transfer, lower: float, upper: float, surely: bool) -> tupl
     way = transfer.lattice.way(0, 0).beside
     beside = sum(each.friction for each in way)
     sideways = beside * shares.friction + sum(each.poisson for each in way) * shares.poisson
-    percent = 100.0 * (upper - 1.0)
     if lower < 1.0:
-        growth = f"loads may grow by up to {percent:.3g} % a generation in {name!r}"
-    else:
+        growth = f"loads may grow by up to {100.0 * (upper - 1.0):.3g} % a generation in {name!r}"
+    elif lower > 1.0:
         growth = f"loads grow by {100.0 * (lower - 1.0):.3g} % a generation"
+    else:
+        growth = "loads stay as they are"
     forward = 1.0 - sideways
     friction = (1.0 - shares.forward - (sideways - beside * shares.friction)) / beside
     remedies = [

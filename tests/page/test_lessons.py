@@ -200,7 +200,9 @@ def test_a_guess_is_not_judged_and_what_a_question_looks_at_is_there(opened, tmp
     page.js("page.lesson.open(2)")
     assert "bitte in mal" in page.text("aside .flow")
     page = opened(*make_pages.make_lesson(lesson("blow-up"), tmp_path))
-    page.js("page.lesson.open(1)")
+    page.js("page.lesson.go(1)")
+    assert page.tab.locator(".charts canvas").count() == 1  # the curve that is read
+    page.js("page.lesson.go(2)")
     assert "Every load ends" in page.text(".verdict")
 
 

@@ -273,7 +273,7 @@ export function lessonSide(page) {
   const tabs = tabList(page, STEPS, lesson.step, face, (name) => lesson.enter(STEPS.indexOf(name)));
   tabs.classList.add("steps");
   const panel = make("div", { role: "tabpanel", id: `panel-${lesson.step}`, ariaLabel: t(`step_${lesson.step}`) }, ...(q ? questionCards(lesson, q) : lesson.at > 0 ? endCards(lesson) : []), ...stepCards(page));
-  if (!page.touchable && panel.contains(parts.charts)) panel.querySelector(".fields")?.before(parts.charts);   // in a narrow window: what is read, above where it is written
+  if ((q?.show?.curve || !page.touchable) && panel.contains(parts.charts)) panel.querySelector(".fields")?.before(parts.charts);   // in a narrow window: what is read, above where it is written
   if (q?.show?.rod) panel.querySelector(".fields").before(parts.story);   // asked is what its parts do
   const teacher = tick(t(lesson.teacher ? "answersShown" : "answersHidden"), lesson.teacher, (on) => { lesson.teacher = on; page.rebuild(); page.root.querySelector("aside .body").scrollTo(0, 0); }, { role: "switch", className: "switch", ariaLabel: t("teacher") });
   const notes = lesson.teacher && lesson.notes ? [make("details", { className: "card answer", open: lesson.at <= 0 }, make("summary", { textContent: t("plan") }), rendered(page.say(lesson.notes)))] : [];
@@ -370,7 +370,7 @@ function stepCards(page) {
   if (lesson.step === "predict") return lesson.secret ? [] : [...about, ...cards];
   if (!touchable && lesson.wide.matches) { page.stageBox.append(...charts.splice(0)); page.stageBox.classList.toggle("low", page.sides[0] > 1.6 * page.sides[1]); }   // curves to be read stand beside the picture, so that the fields are in reach
   parts.presets = page.presets.map((preset) => button(page.nameOf(preset), () => { page.load(preset); page.seek(Math.min(lesson.question?.show?.generation ?? 0, lesson.limit)); }));
-  const { marked, show: { rule: typed, sentence } = {} } = lesson.question ?? {}, few = (open) => fold(t("rule"), rulePanel(page, true), open), read = typed || !touchable ? charts.splice(0) : [];   // below a question stands what is asked for
+  const { marked, show: { rule: typed, sentence, curve } = {} } = lesson.question ?? {}, few = (open) => fold(t("rule"), rulePanel(page, true), open), read = typed || curve || !touchable ? charts.splice(0) : [];   // below a question stands what is asked for
   const tries = touchable && page.presets.length > 1 ? [...(marked === undefined ? [] : [make("small", { className: "soft", textContent: t("markedFor", { p: page.nameOf(page.presets[marked]) }) })]), make("div", { className: "presets" }, ...page.presets.map((preset, n) => make("div", {}, parts.presets[n], ...(page.say(preset.note) ? [rendered(page.say(preset.note))] : []))))] : [];
   const near = [...(sentence ? [parts.verdict] : []), ...(typed || sentence ? [few(true)] : []), ...(typed ? read.splice(0) : [])], first = [...near, ...tries, ...code, ...cards, ...read, ...story, ...about];
   if (lesson.step === "step") return [...first, ...(touchable && !near.length && !page.studio ? [few(false)] : []), look];

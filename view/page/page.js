@@ -323,7 +323,7 @@ export class Page {
     this.charted = at;
     if (this.curves?.length !== run.generation) this.curves = { length: run.generation, list: curvesOf(run) };
     const over = run.alive.map((_, i) => i + 1);
-    paintGrid(parts.charts, this.curves.list.map(([word, unit, lists, names]) => ({ word: t(word), unit, over, lists, names: names.map(t), along: t("timeline"), now: g || null, limit: this.limit })), this.inks);
+    paintGrid(parts.charts, this.curves.list.filter(([word]) => this.lesson?.curves?.includes(word) ?? true).map(([word, unit, lists, names]) => ({ word: t(word), unit, over, lists, names: names.map(t), along: t("timeline"), now: g || null, limit: this.limit })), this.inks);
   }
   /** Where the page stands, at the timeline and the button. */
   tellTime(text) {

@@ -16,7 +16,7 @@ from kaju.model.elastic.arguments import check_numbers
 from kaju.model.elastic.caveats import LOW, caveats_of, is_stepped, refuse_singular, unproved
 from kaju.model.elastic.corners import sharp_places
 from kaju.model.elastic.equal.cell_agents import CellAgents
-from kaju.model.elastic.goals.duals import goal_of
+from kaju.model.elastic.goals.duals import goal_of, without_outline
 from kaju.model.elastic.goals.quantities import (
     HOOP,
     VON_MISES,
@@ -426,6 +426,9 @@ class ElasticResult(BodyResult):
             If no region with a true outline in the plane has that name.
         """
         known, units = self.found.along, self.found.scales
+        regions = [region.name for region in self.scene.body.regions]
+        if self.cut_agents is None and name in regions:
+            raise ResultError(f"outline_stress: {without_outline(name, self.scene)}")
         if name not in known:
             told = f"outline_stress: there is no outline {name!r}{suggestion(str(name), known)}"
             raise ResultError(f"{told}; there is {', '.join(known) or 'none with a name'}")
@@ -499,7 +502,7 @@ class ElasticResult(BodyResult):
             if goal.quantity == asked:
                 return goal.value
         at, component = (getattr(asked, name, None) for name in ("at", "component"))
-        named = isinstance(at, str) and at in [region.name for region in self.scene.body.regions]
+        named = self.scene.outlined and at in [region.name for region in self.scene.body.regions]
         if component == HOOP or (named and component == VON_MISES):
             places, _ = self.outline_stress(name := str(at))  # refuses other names
             if found := self.largest_along(component).get(name):

@@ -25,13 +25,14 @@ from kaju.model.scene import validation
 from kaju.model.scene.validation import Described, Length, Number, Text, check_axes, optional
 
 from . import shapes
+from .cell_types import NOT_BODY
 from .curves import Point as Place
 from .curves import conic, cubic, flattened, inflections, line, parted_at
 from .lattice import Lattice, area_of
 from .level_sets import EMBEDDED_ARRAY, EMBEDDED_PIXELS, SampledShape, checked, read_embedded
 from .pictures import read_array, read_darkness, read_layers
 from .shapes import Ball, Box, Extent, Point, Points, Polygon, Shape
-from .surfaces import surface_from
+from .surfaces import ClosedSurface, surface_from
 
 METRES = "are these metres? 1 mm is 0.001 m"
 _IN_SPACE = ("ball", "cylinder", "surface")
@@ -186,6 +187,9 @@ class Region(_Shaped):
             raise SceneError(f"{where}: has no extent; its corners lie on one line")
         if np.any(upper < 0.0) or np.any(lower > np.asarray(lattice.extent)):
             raise SceneError(f"{where}: lies outside the array: it {reach_of(shape, lattice)}")
+        larger = self.material not in NOT_BODY and much_larger(shape, lattice)
+        if larger and _covers(shape, lattice):
+            raise SceneError(f"{where}: holds the whole array: it {reach_of(shape, lattice)}")
         return shape
 
 
@@ -210,10 +214,24 @@ class LoadRegion(_Shaped):
         return flat[0] if flat else None
 
 
-def reach_of(shape: Shape, lattice: Lattice, asked: str = METRES) -> str:
-    """Say from where to where a shape reaches, and the array."""
+def much_larger(shape: Shape, lattice: Lattice) -> bool:
+    """Tell whether a shape is so much larger than the array that its unit is hardly metres."""
+    lower, upper = shape.extent
+    return bool(np.max(upper - lower) > 20.0 * max(lattice.extent))
+
+
+def _covers(shape: Shape, lattice: Lattice) -> bool:
+    """Tell whether a shape holds all of the array, by samples."""
+    steps = [np.linspace(0.0, length, 9)[1:-1] for length in lattice.extent]
+    samples = np.stack(np.meshgrid(*steps), axis=-1).reshape(-1, len(steps))
+    return bool(shape.contains(samples).all())
+
+
+def reach_of(shape: Shape, lattice: Lattice, asked: str = "") -> str:
+    """Say from where to where a shape reaches, and the array; unless told else, ask for units."""
     ends = (", ".join(f"{x:.4g}" for x in at) for at in (*shape.extent, lattice.extent))
-    asked = PIXELS if isinstance(shape, PathShape) and shape.in_pixels else asked
+    units = "is it in mm? give scale = 0.001" if isinstance(shape, ClosedSurface) else METRES
+    asked = PIXELS if isinstance(shape, PathShape) and shape.in_pixels else asked or units
     return "reaches from ({}) to ({}) m, the array to ({}) m; {}".format(*ends, asked)
 
 

@@ -237,6 +237,10 @@ def resolve(
             f"sides.{name}: {name!r} is an outline, and only sides of the array can be held; hold "
             "a side, or load the outline instead ([[loads]] with its name as outline)"
         )
+    for number, region in enumerate(body.regions):
+        if region.name in lattice.sides:
+            told = "is what a side of the array is called; take another"
+            raise SceneError(f"body.regions.{number}.name: {region.name!r} {told}")
     _check_sides(sides, lattice.sides)
     found = _materials(body, picture, materials)
     check_count(len(found))

@@ -31,10 +31,10 @@ from .curves import flattened
 from .description import LONGEST, Body, Description, LoadTable, SideCondition, with_shared
 from .lattice import Cells, Lattice, check_boxes
 from .pictures import Picture, check_size
-from .regions import PIXELS, PathShape, Region, reach_of
+from .regions import PIXELS, PathShape, Region, much_larger, reach_of
 from .resolved_body import CellBox, ResolvedBody, check_body, check_outlines, nothing_left, resolve
 from .selection import AppliedLoads, Selection, at_stage, check_gravity, select
-from .shapes import Ball, Shape
+from .shapes import Ball, Polygon, Shape
 from .surfaces import ClosedSurface
 from .validation import key_path, plain, read_toml, with_lines
 
@@ -232,7 +232,7 @@ class Scene(Description):
             if filled.kind == cell_types.AIR and _meets_edge(shape, self.lattice):
                 told = reach_of(shape, self.lattice, "is it meant so?")
                 found.append(f"{where}: this hole meets the edge of the body: it {told}")
-        return (*found, *self._overlaps, *self._of_files)
+        return (*found, *self._overlaps, *self._cut_off)
 
     @property
     def _overlaps(self) -> Iterator[str]:
@@ -252,31 +252,32 @@ class Scene(Description):
             yield f"the holes {names[a]!r} and {names[b]!r} overlap: is it meant so?"
 
     @property
-    def _of_files(self) -> Iterator[str]:
-        """Which shapes of files reach beyond the array, or name no unit, in words."""
-        size, cell = np.array(self.lattice.extent), self.lattice.cell_size
-        plain = [getattr(one.shape, "in_pixels", False) for one in self._resolved.regions]
+    def _cut_off(self) -> Iterator[str]:
+        """Which shapes reach beyond the array, or are of files that name no unit, in words."""
+        size, found = np.array(self.lattice.extent), self._resolved.regions
+        plain = [getattr(one.shape, "in_pixels", False) for one in found]
         if any(plain):
             yield f"body.regions.{plain.index(True)}.path: {PIXELS}; or is it meant so?"
-        for number, filled in enumerate(self._resolved.regions):
-            shape, where, told = filled.shape, f"body.regions.{number}", ""
+        for number, filled in enumerate(found):
+            shape, where = filled.shape, f"body.regions.{number}"
             (low, high), surface = shape.extent, isinstance(shape, ClosedSurface)
-            drawing = isinstance(shape, PathShape) and shape.drawing is not None
-            beyond = np.any((low <= -cell) | (high >= size + cell))
-            if surface and np.any(high - low >= 100.0 * size):  # millimetres are taken for metres
-                told = "is it in mm? give scale = 0.001"
-            elif beyond and (surface or drawing) and filled.kind != cell_types.AIR:
-                told = "what lies beyond is cut off" + surface * "; offset = [x, y, z] (m) moves it"
-            if told and not plain[number]:
+            # Boxes go over the edge to say "all of this side", and disks are halved by symmetry.
+            drawn = isinstance(shape, ClosedSurface | PathShape | Polygon) or _lies_in(shape, size)
+            margin, far = 0.01 * size.max(), much_larger(shape, self.lattice)
+            beyond = np.any((low < -margin) | (high > size + margin))
+            told = "what lies beyond is cut off" + surface * "; offset = [x, y, z] (m) moves it"
+            told = "" if far else told  # the units are asked for
+            hole = filled.kind == cell_types.AIR
+            if not plain[number] and ((drawn and beyond and not hole) or (surface and far)):
                 yield f"{where}: {reach_of(shape, self.lattice, told)}"
 
     @contextmanager
     def misplaced(self) -> Iterator[None]:
-        """Let errors say, too, which shapes of files may lie elsewhere than meant."""
+        """Let errors say, too, which shapes may lie elsewhere than meant."""
         try:
             yield
         except SceneError as error:
-            told = [] if PIXELS in str(error) else self._of_files
+            told = [] if PIXELS in str(error) else self._cut_off
             raise type(error)("; ".join([str(error), *told])) from None
 
     def notes_on(self, displacement: float, stress: float = 0.0, kind: int = 0) -> tuple[str, ...]:
@@ -475,11 +476,16 @@ def body_cells(scene: Scene, points: Floats) -> tuple[Ints, Flags]:
     return cells, ~outside
 
 
+def _lies_in(shape: Shape, size: Floats) -> bool:
+    """Tell whether the middle of a shape, or its ends, lie inside an array; boxes have neither."""
+    own = np.array(getattr(shape, "ends", [getattr(shape, "centre", size)]))
+    return bool(np.all((own > 0.0) & (own < size)))
+
+
 def _meets_edge(shape: Shape, lattice: Lattice) -> bool:
     """Tell whether a shape whose middle, or ends, lie inside the array reaches its border."""
-    own = np.array(getattr(shape, "ends", [getattr(shape, "centre", lattice.extent)]))
     size = np.array(lattice.extent)
-    if np.any((own <= 0.0) | (own >= size)):
+    if not _lies_in(shape, size):
         return False
     flat = [flattened(arcs, 32) for arcs in shape.outline()] if len(size) == 2 else shape.extent
     reach = np.vstack(flat) / size

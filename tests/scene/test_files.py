@@ -130,12 +130,13 @@ def test_shells_of_an_stl_are_one_body(tmp_path, boxes, volume, guessed):
 @pytest.mark.parametrize(("edge", "told"), [(4.0, "scale = 0.001"), (0.03, "is cut off")])
 def test_a_part_larger_than_the_array_is_told(tmp_path, edge, told):
     surface = {"file": stl(tmp_path / "part.stl", ((0.0, 0.0, 0.0), edge, False))}
-    scene = plate({"surface": surface, "material": "steel"}, cells=(4, 4, 4), size=5e-3)
-    assert told in scene.notes[-1]
-    moved = {"surface": surface | {"offset": [1e-3, 0.0, 0.0]}, "material": "steel"}
+    moved = {"surface": surface | {"offset": [0.011, 0.0, 0.0]}, "material": "steel"}
     moved = plate(moved, cells=(4, 4, 4), size=5e-3)
     for one in (moved, kaju.Scene.from_archive(*moved.to_archive())):
-        assert "reaches from (0.001, 0, 0)" in one.notes[-1]
+        assert all(part in one.notes[-1] for part in ("reaches from (0.011, 0, 0)", told))
+    if edge == 4.0:
+        with pytest.raises(kaju.KajuError, match="holds the whole array"):
+            plate({"surface": surface, "material": "steel"}, cells=(4, 4, 4), size=5e-3)
 
 
 # Drawings.

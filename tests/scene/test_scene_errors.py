@@ -84,6 +84,9 @@ REGIONS = [
     ({"circle": {}}, r"unknown key \(did you mean 'disk'\?\)"),
     ({"disk": {"centre": [0, 0], "radius": 20}, "material": "air"}, "0: leaves nothing.* metres?"),
     ({"polygon": [[0, 0], [0, 1], [0, 2]], "material": "air"}, "corners lie on one line"),
+    ({"disk": {"centre": [0, 0], "radius": 20}, "material": "ice"}, "holds the whole .* metres?"),
+    ({"path": "M 0 0 H 200 V 200 H 0 Z", "material": "ice"}, "regions.0.path: holds the whole"),
+    ({"box": [[0, 0], [1, 1]], "material": "air", "name": "left"}, "0.name: 'left' is what a s"),
     ({"image": {"file": "no.png"}, "material": "air"}, "file: no.png: cannot be read: No such"),
 ]
 
@@ -243,6 +246,16 @@ def test_millimetres_and_gigapascals_are_asked_about():
     for share in (0.3, 0.2):  # up to the edge, and through it
         disk = {"radius": 0.3 * 120.0, "centre": [share * 120.0] * 2}
         assert "this hole meets the edge" in wrong.with_region(disk=disk).notes[-1]
+    for shape, told in [
+        ({"path": "M 0 0 H 130 V 60 H 0 Z"}, "what lies beyond is cut off"),
+        ({"polygon": [[0, 0], [121, 0], [121, 60]]}, ""),
+        ({"polygon": [[60, 0], [9e3, 0], [60, 9e3]]}, "are these metres?"),
+        ({"disk": {"centre": [60, 60], "radius": 65.0}}, "is cut off"),
+        ({"disk": {"centre": [0, 0], "radius": 65.0}}, ""),  # a quarter, by symmetry
+        ({"box": [[-9, -9], [9, 9]]}, ""),  # all of a corner
+    ]:
+        notes = wrong.with_region("ice", **shape).notes
+        assert [told in note for note in notes if "reaches from" in note] == [True] * bool(told)
     apart = disk | {"centre": [0.8 * wrong.lattice.extent[0]] * 2, "radius": 12.0}
     for at, idle in ((apart, True), (disk, False)):  # a part of steel where steel is, or in a hole
         notes = wrong.with_region(disk=disk).with_region(disk=at, material="steel").notes

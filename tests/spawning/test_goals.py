@@ -11,7 +11,7 @@ from plane_bodies import plane_body
 from spawning_bodies import drawn as coded
 
 from kaju import Deflection, Reaction, Scene, Stress, load_result, material, solve
-from kaju.errors import KajuError, ParameterError
+from kaju.errors import KajuError, ParameterError, ResultError
 from kaju.model.elastic.goals.duals import goal_of
 
 CELL = 0.05
@@ -223,6 +223,18 @@ def test_what_cannot_be_asked_is_told_in_one_line(asked, match):
     assert str(caught.value).startswith("goal")
     with pytest.raises(ParameterError, match=r"component: .*'hop' \(did you mean 'hoop'"):
         Stress("hole", "hop")
+    with pytest.raises(ParameterError, match="component: is needed; there is xx"):
+        Stress("hole")
+
+
+def test_a_region_of_cells_is_asked_for_its_outline():
+    scene = plate().with_region(disk={"centre": [0.1, 0.1], "radius": 0.03}, name="hole")
+    told = r"'hole' is a region of cells; give it outline = \"true\""
+    with pytest.raises(ParameterError, match=f"^goal: {told}"):
+        solve(scene, tolerance=0.1, goal="hole")
+    for component, kind in (("hoop", ResultError), ("von_mises", ParameterError)):
+        with pytest.raises(kind, match=told):
+            solve(scene).value_of(Stress("hole", component))
 
 
 def test_air_and_empty_regions_are_outside():

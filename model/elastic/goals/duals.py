@@ -158,8 +158,17 @@ def where_of(at: Place, scene: Scene) -> Where:
     )
 
 
+def without_outline(name: str, scene: Scene) -> str:
+    """Say what to do where a region is asked for that has no outline to ask for."""
+    if scene.lattice.dimension == 2:
+        return f'{name!r} is a region of cells; give it outline = "true"'
+    return f"{name!r} is a region in space; ask for a point, a box or a side"
+
+
 def _side(name: str, scene: Scene) -> Where:
     lattice = scene.lattice
+    if name in [region.name for region in scene.body.regions]:
+        raise ParameterError(f"goal: {without_outline(name, scene)}")
     if name not in lattice.sides:
         raise ParameterError(
             f"goal: there is no side {name!r}{suggestion(name, lattice.sides)}; there is "

@@ -83,7 +83,7 @@ class Stress(_Parsed):
     """
 
     at: Place
-    component: str
+    component: str = ""  # refused by a KajuError that names the components
 
 
 @dataclass(frozen=True)
@@ -260,9 +260,10 @@ def _component(name: Any) -> str:
     known = [*map("".join, product(AXES, repeat=2)), VON_MISES, HOOP]
     if name not in known:
         near = suggestion(2 * str(name) if str(name) in AXES else str(name), known)
+        wrong = f"there is no {name!r}{near}" if name else "is needed"
         raise ParameterError(
-            f"component: there is no {name!r}{near}; there is xx, yy, xy and the like, von_mises, "
-            f"and {HOOP} along true outlines"
+            f"component: {wrong}; there is xx, yy, xy and the like, von_mises, and {HOOP} along "
+            "true outlines"
         )
     return str(name)
 

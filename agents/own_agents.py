@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from difflib import get_close_matches
+from dis import get_instructions as dis
 from inspect import signature, unwrap
 from itertools import islice, takewhile
 from numbers import Integral
@@ -77,8 +78,10 @@ def check_class(name: str, agent: object, base: type) -> None:
 
 
 def every_name(base: type) -> set[str]:
-    """Return the names of a class's attributes, and all that its `__init__`s use."""
-    return {*dir(base)}.union(*(_names_in(vars(one).get("__init__")) for one in base.__mro__))
+    """Return the names of a class's attributes, and those that its `__init__`s set."""
+    starts = [vars(one).get("__init__") for one in base.__mro__]
+    lines = [line for one in starts if isinstance(one, FunctionType) for line in dis(one)]
+    return {*dir(base), *(line.argval for line in lines if line.opname == "STORE_ATTR")}
 
 
 def _names_in(of: Any) -> set[Any]:

@@ -83,7 +83,8 @@ def test_classes_that_cannot_be_agents_are_named():
     for walls, told in ((MaterialAgent, ": must"), ({"rigid": MaterialAgent}, r"\['rigid'\]: ")):
         with pytest.raises(ParameterError, match=f"boundary_agents{told}"):
             LoadModel(pressed(), boundary_agents=walls)
-    for name in ("random", "dropped", "cell_x", "stress"):
+    for name in ("random", "dropped", "engine", "cell_x", "stress"):
         with pytest.raises(ParameterError, match=f"^{name}: "):
             LoadModel(pressed(), material_agent=type("M", (MaterialAgent,), {name: State(0)}))
-    assert LoadModel(pressed(), material_agent=Open).run().last.generations > 0
+    for agent in (Open, type("Looks", (Open,), {"seen": State(0)})):  # a name that nobody sets
+        assert LoadModel(pressed(), material_agent=agent).run().last.generations > 0

@@ -98,7 +98,7 @@ def animate(
     Examples
     --------
     >>> import kaju
-    >>> answer = kaju.solve(kaju.load_scene("plate.toml"), tolerance=0.2)
+    >>> answer = kaju.solve(kaju.load_scene("plate.toml"), tolerance=0.5)
     >>> kaju.animate(answer, "agents.gif").name
     'agents.gif'
     """

@@ -174,6 +174,7 @@ def test_boxes_are_the_bodies_of_cells_that_they_are(boxes, modulus, ratio, plan
     assert exact[0] < bounds[1] * (1 + 1e-9)
 
 
+@pytest.mark.slow
 def test_bounds_of_all_grids_hold_one_energy_where_three_materials_and_air_meet() -> None:
     regions = [
         region("grain", disk={"centre": [0.4, 0.5], "radius": 0.3}),
@@ -191,6 +192,7 @@ def test_bounds_of_all_grids_hold_one_energy_where_three_materials_and_air_meet(
     assert bounds[:, 1].min() < 1.02 * bounds[:, 0].max()
 
 
+@pytest.mark.slow
 def test_regions_may_share_a_curve_or_be_drawn_twice() -> None:
     def hole(material: str, radius: float = 0.105) -> dict[str, Any]:
         return region(material, disk={"centre": [0.55, 0.26], "radius": radius})

@@ -109,6 +109,7 @@ def test_one_answer_keeps_a_tolerance_for_several_goals() -> None:
     assert any("GPa along 'hole', at" in note for note in kaju.solve(ring(1e11), 0.3).notes)
 
 
+@pytest.mark.slow
 def test_a_peak_of_an_outline_at_a_rigid_side_is_that_of_its_rounded_parts() -> None:
     corner = region(path="M 1 4 V 1.6 A 0.6 0.6 0 0 1 1.6 1 H 4 V 4 Z")
     body = {"size": [4.0, 4.0], "cells": [8, 8], "material": "matrix", "regions": [corner]}

@@ -118,6 +118,7 @@ def test_ready_agents_do_in_the_page_what_they_do_in_kaju(opened, pages, name):
         check_alike(page, name, title, agent["code"])
 
 
+@pytest.mark.slow
 def test_examples_pasted_unchanged_run_or_name_what_is_missing(opened, pages):
     page = opened(pages["sides"])
     lacks = {"lattice_in_the_plane": "`numpy` is not in the page", "lattice_in_space": "no `Cubes`"}

@@ -22,6 +22,7 @@ def soft():
     return noodle.eat(noodle.SOFT, 5, SHORT)
 
 
+@pytest.mark.slow
 def test_a_held_noodle_gives_on_and_what_flowed_stays(firm, soft):
     for bite in (firm, soft):
         times, dent = bite.course.times, bite.dent

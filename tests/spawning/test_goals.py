@@ -172,7 +172,7 @@ def test_mean_of_a_linear_field_is_its_value_in_the_middle(at, middle, dimension
     assert result.goal_error < 1e-4
 
 
-@pytest.mark.parametrize("make", [plate, cube])
+@pytest.mark.parametrize("make", [plate, pytest.param(cube, marks=pytest.mark.slow)])
 def test_everything_is_stored(tmp_path, make):
     low = [0.25, 0.25, 0.5] if make is cube else [0.05, 0.05]
     box = {"box": [low, [x + 0.25 if make is cube else x + 0.03 for x in low]]}
@@ -187,12 +187,16 @@ def test_everything_is_stored(tmp_path, make):
     assert result.goal_error == max(errors)
 
 
+TOP, INSIDE = (
+    [[0.375, 0.375, 1.0], [0.625, 0.625, 1.0]],
+    [[0.375, 0.375, 0.5], [0.625, 0.625, 0.75]],
+)
 finely = cache(lambda make: solve(make(), tolerance=0.01))
 
 
 @pytest.mark.parametrize(("make", "quantity"), [
-    (cube, Deflection({"box": [[0.375, 0.375, 1.0], [0.625, 0.625, 1.0]]}, "z")),
-    (cube, Stress({"box": [[0.375, 0.375, 0.5], [0.625, 0.625, 0.75]]}, "zz")),
+    pytest.param(cube, Deflection({"box": TOP}, "z"), marks=pytest.mark.slow),
+    pytest.param(cube, Stress({"box": INSIDE}, "zz"), marks=pytest.mark.slow),
     (beam, Deflection("right", "z")),
     (beam, Reaction("left")),
 ])  # fmt: skip

@@ -111,7 +111,7 @@ def durations(path):
         return film.n_frames
 
 
-@pytest.mark.parametrize("name", ["flat", "solid"])
+@pytest.mark.parametrize("name", [pytest.param("flat", marks=pytest.mark.slow), "solid"])
 def test_films_have_a_frame_for_each_generation(name, request, tmp_path):
     result = request.getfixturevalue(name)
     count = len(result.generations)

@@ -18,7 +18,7 @@ PLATE = Path(__file__).parents[2] / "examples" / "plate.toml"
 
 
 @pytest.mark.parametrize(
-    ("seed", "counts"), [(13, (40, 60)), pytest.param(2026, (1000, 800), marks=pytest.mark.slow)]
+    ("seed", "counts"), [(13, (20, 30)), pytest.param(2026, (1000, 800), marks=pytest.mark.slow)]
 )
 def test_damaged_files_are_refused_by_name(tmp_path, seed, counts):
     program = Path(__file__).parents[1] / "support" / "damage.py"

@@ -157,11 +157,9 @@ def make_lesson(of: Lesson, folder: Path) -> list[Path]:
 
 
 def pages_of(of: Lesson, number: int) -> list[str]:
-    """Return the pages that a question asks for, or those of the last one before it with any."""
-    for q in reversed(of.texts["en"].questions[: number + 1]):
-        if links := re.findall(r"\(([\w.-]+\.html)\)", q.asks + q.note):
-            return links
-    return [f"{of.name}.html"]
+    """Return the pages that a question asks for, the lesson's first one if it names none."""
+    asked = of.texts["en"].questions[number]
+    return re.findall(r"\(([\w.-]+\.html)\)", asked.asks + asked.note) or [f"{of.name}.html"]
 
 
 def asked_for(of: Lesson, page: str) -> int:

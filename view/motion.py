@@ -170,7 +170,7 @@ def network(result: NetworkResult | NetworkCreepResult) -> Motion:
         values={"tension": ("N", np.asarray(still.tension))},
         moved=np.asarray(still.displacement),
         curves=own.curves() if creeps else network_curves(still),
-        shares=np.asarray(own.factors) if creeps else None,
+        shares=own.factors if creeps else still.stage if still.network.stages == 1 else None,
         **_supports(still.network),
     )
 

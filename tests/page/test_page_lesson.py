@@ -129,7 +129,7 @@ def test_the_worksheet_is_paper_with_what_was_typed(opened, lesson, teacher):
     assert paper.count(b"/Type /Page\n") == 1 + teacher
     sheet = page.js("page.root.querySelector('.sheet').textContent")
     words = "Name", "A load's way", "Mine", "P comes in", "= 10 mN", "Who wakes?", "One sentence."
-    for x in *words, "−202468 s", "40 mm":  # axes with units to draw at
+    for x in *words, "−2−1012345678 s", "40 mm":  # axes with units to draw at
         assert x in sheet
     assert ("Nine cells." in sheet) is teacher
     assert page.tab.locator(".sheet figure:first-child rect:not([fill='#fff'])").count() == 9

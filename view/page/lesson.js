@@ -366,7 +366,7 @@ function guessCards(lesson, q) {
 function stepCards(page) {
   const { lesson, t, parts, touchable } = page, panels = panelsOf(page), fold = (word, list, open = false) => make("details", { className: "card", open }, make("summary", { textContent: word }), ...list);
   const about = panels.about ? [fold(t("about"), panels.about())] : [], look = fold(t("look"), panels.look()), cards = [cardsBox(page)], alone = page.mode?.alone && page.look.mode !== "guess";
-  const free = page.limit === Infinity, code = panels.code ? [fold(t("code"), panels.code(), true)] : [], story = alone ? [] : [storyCard(page)], charts = free ? [parts.charts] : [];
+  const free = page.limit === Infinity, code = panels.code ? [fold(t("code"), panels.code(), true)] : [], story = alone ? [] : [storyCard(page)], charts = free || !touchable ? [parts.charts] : [];
   if (lesson.step === "predict") return lesson.secret ? [] : [...about, ...cards];
   if (!touchable && lesson.wide.matches) { page.stageBox.append(...charts.splice(0)); page.stageBox.classList.toggle("low", page.sides[0] > 1.6 * page.sides[1]); }   // curves to be read stand beside the picture, so that the fields are in reach
   parts.presets = page.presets.map((preset) => button(page.nameOf(preset), () => { page.load(preset); page.seek(Math.min(lesson.question?.show?.generation ?? 0, lesson.limit)); }));
@@ -411,7 +411,7 @@ function answerOf(page, q, open) {
   const { lesson, t } = page, given = lesson.answers[q.key], lines = (n) => Array.from({ length: n }, () => make("div", { className: "ruled" }));
   const written = lesson.said(q.kind === "number" ? given?.[q.fields.length] : given), text = written?.trim() ? [make("p", { className: "given", textContent: written })] : null;
   if (q.kind === "number") return [make("table", {}, make("tr", {}, ...q.fields.map((f) => make("th", {}, page.say(f.label) ?? ""))),
-    make("tr", {}, ...q.fields.map((f, i) => make("td", {}, make("em", { textContent: given?.[i] ?? "" }), ` ${unitFor(given?.[i], page.say(f.unit))} ${lesson.sign(q, i)}`)))), ...(q.draws ? [axes(q.draws)] : []), ...(q.write ? [make("p", {}, ...inline(page.say(q.write)))] : []), ...(q.lines ? text ?? lines(q.lines) : [])];
+    make("tr", {}, ...q.fields.map((f, i) => make("td", {}, make("em", { textContent: given?.[i] ?? "" }), ` ${unitFor(given?.[i], page.say(f.unit))} ${lesson.sign(q, i)}`)))), ...(q.draws ? [axes(page, q.draws)] : []), ...(q.write ? [make("p", {}, ...inline(page.say(q.write)))] : []), ...(q.lines ? text ?? lines(q.lines) : [])];
   if (q.draws === true) return [bodyOf(page, q), ...(text ?? lines(1))];
   if (q.kind !== "cells" || page.run.lattice?.dimension !== 2) return text ?? lines(q.lines ?? 3);
   const guess = lesson.guesses[q.key] ?? {}, first = lesson.firsts[q.key], spawned = {}, { scene, cells = page.start.cells } = page.presets[q.show?.preset ?? 0];
@@ -423,14 +423,15 @@ function answerOf(page, q, open) {
 /** The body as it begins, or as a question shows it. */
 const bodyOf = (page, q) => make("img", { className: "drawn", alt: "", src: page.unmarked(page.presets?.[q?.show?.preset ?? 0]) });
 
-/** Two axes to draw a curve at: bare, or to the right and upwards with a unit each, from where to where. */
-function axes(ends) {
-  const given = Array.isArray(ends), [[x, left, right], [y, low, high]] = given ? ends : [["", 0, 1], ["", 0, 1]], bottom = 132;
-  const X = (v) => 80 + 320 * (v - left) / (right - left), Y = (v) => bottom - 118 * (v - low) / (high - low), zero = X(Math.max(0, left));
+/** Two axes to draw a curve at: bare, or to the right and upwards from where to where, with lines between; each has a unit, or what a run goes along. */
+function axes({ t }, ends) {
+  const given = Array.isArray(ends), [[x, left, right], [y, low, high], height = 152] = given ? ends : [["", 0, 1], ["", 0, 1]], bottom = height - 20, named = t(`along_${x}`, { otherwise: "" });
+  const X = (v) => 80 + 320 * (v - left) / (right - left), Y = (v) => bottom - (bottom - 14) * (v - low) / (high - low), zero = X(Math.max(0, left));
   const word = (v, unit, last, at) => draw("text", { "font-size": 12, ...at }, `${local(String(v)).replace("-", "−")}${v === last ? ` ${unit}` : ""}`), told = (list, unit, at) => list.map((v) => word(v, unit, list.at(-1), at(v)));
-  const across = given ? ticksOf(left, right, 8) : [], up = given ? ticksOf(low, high, 5).filter((v) => v !== low) : [];
-  return draw("svg", { viewBox: "0 0 420 152", width: 420, height: 152, "aria-hidden": "true" }, draw("path", { d: `M${zero} ${bottom + 6}V4m-4 8l4 -8l4 8M8 ${bottom}H412m-8 -4l8 4l-8 4${across.map((v) => `M${X(v)} ${bottom}v5`).join("")}${up.map((v) => `M${zero} ${Y(v)}h-5`).join("")}`, fill: "none", stroke: "#000" }),
-    ...told(across, x, (v) => ({ x: X(v), y: bottom + 18, "text-anchor": "middle" })), ...told(up, y, (v) => ({ x: zero - 8, y: Y(v) + 4, "text-anchor": "end" })));
+  const across = given ? ticksOf(left, right, 10) : [], up = given ? ticksOf(low, high, bottom / 26).filter((v) => v !== low) : [];
+  return draw("svg", { viewBox: `0 0 420 ${height + (named && 16)}`, width: 420, height, class: height > 152 ? "tall" : "", "aria-hidden": "true" }, draw("path", { d: `${across.map((v) => `M${X(v)} ${bottom}V14`).join("")}${up.map((v) => `M80 ${Y(v)}H400`).join("")}`, fill: "none", stroke: "#c4cad0" }),
+    draw("path", { d: `M${zero} ${bottom + 6}V4m-4 8l4 -8l4 8M8 ${bottom}H412m-8 -4l8 4l-8 4${across.map((v) => `M${X(v)} ${bottom}v5`).join("")}${up.map((v) => `M${zero} ${Y(v)}h-5`).join("")}`, fill: "none", stroke: "#000" }),
+    ...told(across, named ? "" : x, (v) => ({ x: X(v), y: bottom + 18, "text-anchor": "middle" })), ...told(up, y, (v) => ({ x: zero - 8, y: Y(v) + 4, "text-anchor": "end" })), draw("text", { x: 400, y: bottom + 34, "text-anchor": "end", "font-size": 12 }, named));
 }
 
 /** The part of the body round the loads, with a number in every cell that has one. */

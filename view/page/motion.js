@@ -30,7 +30,7 @@ export class MotionPage extends Page {
     for (const load of this.whole) load.out = load.force.some((x, a) => (x > 0.9 * Math.hypot(...load.force) && load.cell[a] + 0.5 > this.run.lattice.shape[a] - this.edge - 0.01) || (x < -0.9 * Math.hypot(...load.force) && load.cell[a] + 0.5 < this.edge + 0.01));   // out of the box round the body
   }
   get forces() {
-    const share = this.shares.length ? this.shares[this.g] || 1e-9 : 1, { points, low, unit, dimension: d } = this;   // they go with what they act on
+    const share = this.shares.length && !this.lesson?.secret ? this.shares[this.g] || 1e-9 : 1, { points, low, unit, dimension: d } = this;   // they go with what they act on; a guess is told the whole
     return this.whole.map(({ cell, force, wide, near, out }) => ({ out, wide, cell: this.where(near).map((x, a) => cell[a] + x - (points[near * d + a] - low[a]) / unit), force: force.map((x) => share * x) }));
   }
   /** The point at rest that is nearest to a place. */
@@ -236,13 +236,13 @@ export class MotionPage extends Page {
   }
   words() {
     this.parts.cap.classList.toggle("wide", !this.whole.length);   // no arrow stands beside it
-    const { t, g, run, along, at } = this, shares = at.at(-1) === 1 && at.length > 2;
+    const { t, g, run, along, at } = this, shares = at.at(-1) <= 1 && at.length > 2;
     this.tellTime(`${this.way} ${along === "s" ? `${general(at[g], 4)} s` : shares ? quantity(at[g], "") : t("moment", { g: general(at[g], 4), n: general(at.at(-1), 4) })}`);
     this.parts.verdict.hidden = !this.outcome || (this.along === "share" || (this.lesson && (this.born || this.along === "step")) ? this.lesson : g < run.generation) || this.limit < run.generation;   // how it ended is told at the end, but no lesson's number
     this.tell(); this.drawCurves();
   }
   /** What a run goes along, in a word: time, breaks, shares of the load ... */
-  get way() { const { t, along, at } = this; return along === "s" ? t("time") : t(`along_${along === "stage" && at.at(-1) === 1 && at.length > 2 ? "share" : along}`); }
+  get way() { const { t, along, at } = this; return along === "s" ? t("time") : t(`along_${along === "stage" && at.at(-1) <= 1 && at.length > 2 ? "share" : along}`); }
   tell() {
     const { picked, parts, t } = this, rod = this.lesson && this.along === "s" && this.corners === 2 ? [rodOf(this)] : [];
     if (picked < 0 || !this.there(picked)) { parts.story.replaceChildren(...rod, make("p", { textContent: t(rod.length ? "rodDrawn" : this.corners === 2 ? (this.along === "s" ? "pickRod" : "pickSpring") : this.born ? "pickAgent" : "pickPart") })); return; }
@@ -259,8 +259,9 @@ export class MotionPage extends Page {
     const { lesson } = this, seen = this.seen = Math.max(this.seen ?? 0, g), limit = !lesson || lesson.teacher ? Infinity : at[seen];   // what a lesson lets read is played first
     const list = lesson?.curves ? lesson.curves.flatMap((name) => curveList.find(({ title }) => title.startsWith(name)) ?? []) : curveList.slice(0, 6), shown = (lines, all = Object.entries(lines)) => all.filter(([, list]) => all.length < 4 || largest(list) > 0.01 * Math.max(...Object.values(lines).map(largest)));   // of many, those that are not nothing
     if (g && lesson && this.canvas.clientWidth < 520) this.parts.cap.textContent = list.filter(({ place }) => !place).map(({ title, unit, at: over, lines }) => `${named(title)}: ${Object.values(lines).map((line) => quantity(line[over.findIndex((v) => v >= at[g])], unit, largest(line))).join(", ")}`).concat(this.reading || [], this.breaking.length && g === this.run.generation ? this.parts.verdict.textContent : []).join(" · ");   // on a phone the charts, and what was clicked, are a long way down
-    paintGrid(box, list.map(({ title, unit, at: over, axis, lines, logarithmic, course, bars, place }) =>
-      ({ word: named(title), unit, over, lists: shown(lines).map(([, list]) => list), names: shown(lines).map(([name]) => named(name)), now: place ? null : at[g], log: logarithmic, course, bars, axis, along: place || course ? "" : this.way, end: place || course ? 0 : at.at(-1), limit: place && limit < at.at(-1) ? -Infinity : limit })), inks);
+    const end = at[Math.min(this.limit, at.length - 1)];   // axes go no further than the question
+    paintGrid(box, list.map(({ title, unit, at: over, axis, lines, logarithmic, course, bars, place }, _, $, open = place || course ? over.length : over.filter((v) => v <= end).length) =>
+      ({ word: named(title), unit, over: over.slice(0, open), lists: shown(lines).map(([, list]) => list.slice(0, open)), names: shown(lines).map(([name]) => named(name)), now: place ? null : at[g], log: logarithmic, course, bars, axis, along: place || course ? "" : this.way, end: place || course ? 0 : end, limit: place && limit < at.at(-1) ? -Infinity : limit })), inks);
   }
   seekChart(event) {
     const { curveList, at } = this;

@@ -94,7 +94,7 @@ def test_all_languages_tell_the_same_numbers(name):
         same(text.plan, told.plan, "plan")
         for number, answer in enumerate(text.answers):
             same(answer, told.answers[number], f"answer {number}")
-            assert language != "de" or not re.search(r"\d\.\d", answer.replace("25.600", ""))
+            assert language != "de" or not re.search(r"\d\.\d", re.sub("`.*`|25.600", "", answer))
 
 
 @pytest.mark.parametrize("name", [pytest.param(name, marks=LONG.get(name, ())) for name in ORDER])

@@ -15,9 +15,11 @@ import numpy as np
 from kaju.arrays import Floats, first_largest
 from kaju.errors import SingularPlaceError
 from kaju.model.elastic.goals.quantities import Quantity, Stress
+from kaju.model.elastic.named_supports import holds
 from kaju.model.elastic.pair.answer import PairAgents
 from kaju.model.outline.true_shapes import KINK, SLIGHT
 from kaju.model.scene import Scene
+from kaju.model.scene.cell_types import INSIDE
 from kaju.model.scene.shapes import Box
 from kaju.model.scene.surfaces import ClosedSurface
 
@@ -71,7 +73,8 @@ LOW = "beside curved edges it may be a third too low"
 
 def caveats_of(result: ElasticResult) -> tuple[str, ...]:
     """Return what is approximate of an answer: in a few words, for pictures, a colon, and why."""
-    return (*_of_error(result), *_of_loads(result.grid), *_of_bolts(result), *_of_outlines(result))
+    held = _of_blocks(result) if result.cut_agents is None else _of_bolts(result)
+    return (*_of_error(result), *_of_loads(result.grid), *held, *_of_outlines(result))
 
 
 def unproved(result: ElasticResult) -> tuple[str, ...]:
@@ -148,13 +151,44 @@ def _of_loads(grid: Scene) -> Iterator[str]:
 
 def _of_bolts(result: ElasticResult) -> Iterator[str]:
     """Say which rigid holes bear couples that bolts do not."""
-    cut, borne = result.cut_agents, result.reactions.values()
-    # What moves forces by less than a hundredth is small.
-    least = 0.01 * max(result.scene.lattice.extent) * max(map(np.linalg.norm, borne), default=0.0)
-    found = [(name, result.couples[name]) for name in (cut.ground.rigid.values() if cut else ())]
+    assert result.cut_agents is not None
+    names, lever = result.cut_agents.ground.rigid.values(), max(result.scene.lattice.extent)
+    found, least = [(name, result.couples[name]) for name in names], lever * _small(result)
     if told := [f"{name!r} {couple:.4g} N·m" for name, couple in found if abs(couple) > least]:
         couples = f"rigid holes bear couples ({', '.join(told)})"
         yield f'{couples}; for bolts, which let the part turn, take material = "pinned"'
+
+
+def _of_blocks(result: ElasticResult) -> Iterator[str]:
+    """Say which regions of cells hold the body more than simple supports do."""
+    scene, borne, least = result.scene, result.reactions, _small(result)
+    regions = [region for region in scene.body.regions if holds(region)]
+    if (unnamed := sum(not region.name for region in regions)) > 1:
+        told = "give each a name, by which its own force and couple are told"
+        yield f"{unnamed} regions that hold the body are told as one support, {INSIDE!r}: {told}"
+    found: list[str] = []
+    for region in regions:
+        name = region.name or INSIDE
+        if name not in borne or (name == INSIDE and unnamed > 1):
+            continue
+        couple = float(np.linalg.norm(result.couples[name]))
+        if len(borne) > 1 and couple > least * max(scene.lattice.extent):
+            found.append(f"{name!r} bears a couple of {couple:.4g} N·m")
+        axes = [axis for axis, force in zip("xyz", borne[name], strict=False) if abs(force) > least]
+        if region.material == "roller" and len(axes) > 1:
+            found.append(f"the roller {name!r} holds along {' and '.join(axes)}")
+    if told := "; ".join(dict.fromkeys(found)):
+        pin = 'take a pinned hole (material = "pinned", outline = "true")'
+        pin = pin if scene.plane else "hold less of it"  # which is not to be had in space
+        yield (
+            f"cells hold the body by every face that they touch ({told}): where it may turn, "
+            f"{pin}; where it may slide, take a roller side"
+        )
+
+
+def _small(result: ElasticResult) -> float:
+    """Return the force (N) below which supports bear little: a hundredth of the largest."""
+    return 0.01 * max((float(np.linalg.norm(one)) for one in result.reactions.values()), default=0)
 
 
 def _of_outlines(result: ElasticResult) -> Iterator[str]:

@@ -186,7 +186,7 @@ class ElasticResult(BodyResult):
 
     @cached_property
     def reactions(self) -> dict[str, Floats]:
-        """Force (N) of each support on the body: sides, "rigid" cells inside, rigid regions.
+        """Force (N) of each support on the body: sides, named regions, "rigid" cells without name.
 
         Their sum is that of the loads. How supports share what statics cannot tell has no error of
         its own: a goal makes agents small where it needs them, and leaves shares as they come.

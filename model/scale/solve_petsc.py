@@ -161,7 +161,7 @@ def _pieced(
     for axis, owned in enumerate(mine):
         owned[window.owned(axis)] = True
     origin = window.first + window.origin + 1
-    borne = reactions(problem, faces, window.scene.lattice, origin, tuple(mine))
+    borne = reactions(problem, faces, window.scene, origin, tuple(mine))
     reaction: dict[str, Floats] = {}
     for part in comm.allgather(borne):
         for name, force in part.items():

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from plates import loaded
 
-from kaju import Scene, Stress, solve
+from kaju import Reaction, Scene, Stress, solve
 from kaju.errors import SingularPlaceError
 
 ROLLERS = {"left": "roller", "bottom": "roller"}
@@ -42,6 +42,31 @@ def test_bodies_along_the_axes_have_no_such_note():
              for p in (1e9, 3e9)]  # fmt: skip
     assert asked == [[], ["von Mises reaches 3 GPa, more than 'steel' bears: are these metres, "
                           "newtons and pascals?"]]  # fmt: skip
+
+
+@pytest.mark.parametrize(("depth", "tolerance"), [((), None), ((), 0.3), ((2,), None), ((2,), 0.4)])
+def test_regions_of_support_cells_are_told_by_name(depth, tolerance):
+    near, far = [0.0] * len(depth), [0.1] * len(depth)
+    ends = ("A", 0.0, "rigid"), ("B", 0.9, "roller")
+    blocks = [{"box": [[x, *near, 0.0], [x + 0.1, *far, 0.1]], "material": of, "name": name}
+              for name, x, of in ends]  # fmt: skip
+    load = {"side": "top", "force": [0.0, *near, -1e4]}
+    beam = loaded([20, *depth, 4], load, size=[1.0, *far, 0.2], sides={}, regions=blocks)
+    answer = solve(beam, tolerance=tolerance)
+    assert {*answer.reactions} == {"A", "B"}
+    turns = 0.5 * -1e4  # about the origin, to the left
+    for name, x, _ in ends:
+        force, couple = answer.value_of(Reaction(name)), answer.couples[name]
+        couple = -couple[1] if depth else couple  # about y, which points away
+        turns += couple + (x + 0.05) * force[-1] - 0.05 * force[0]
+    assert turns == pytest.approx(0.0, abs=1.0)
+    (told,) = [note for note in answer.notes if "every face that they touch" in note]
+    for said in ("'A' bears a couple of", "the roller 'B' holds along x and"):
+        assert said in told
+    if not tolerance:
+        bare = [{**block, "name": None} for block in blocks]
+        of = Scene(body=dict(beam.body) | {"regions": bare}, loads=[load])
+        assert any("2 regions that hold the body are told as one" in n for n in solve(of).notes)
 
 
 def plate(regions=(), cells=20, sides=None, **load):

@@ -150,7 +150,7 @@ class CellAgents(OnCells):
     def reactions(self) -> dict[str, Floats]:
         """Return the force of each support on the body."""
         u = self.solution.displacement
-        return fields.reactions(self.problem, u, self.grid.lattice, self.origin)
+        return fields.reactions(self.problem, u, self.grid, self.origin)
 
     def displacement_at(self, points: Floats, cells: Ints) -> Floats:
         """Return the displacement at points (m) in or on cells of the grid."""

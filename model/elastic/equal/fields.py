@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kaju.arrays import Flags, Floats, Ints, moved
+from kaju.model.elastic.named_supports import support_names, supports_inside
 from kaju.model.results.cuts import resultants
-from kaju.model.scene.cell_types import FOUNDATION, INSIDE, RIGID, ROLLER
-from kaju.model.scene.lattice import Lattice
+from kaju.model.scene import Scene
+from kaju.model.scene.cell_types import FOUNDATION, RIGID, ROLLER
 
 from . import staggered
 from .problem import ABSENT, ACTIVE, FIXED, ElasticProblem, FaceFields
@@ -172,21 +173,24 @@ def _along_slopes(stress: Floats, kinds: NDArray[np.int32], cells: Ints, local: 
 def reactions(
     problem: ElasticProblem,
     u: FaceFields,
-    lattice: Lattice,
+    scene: Scene,
     origin: tuple[int, ...] | Ints,
     counted: tuple[Flags, ...] | None = None,
 ) -> dict[str, Floats]:
-    """Return the force of every support on the body, then its couple; of cells inside as "rigid".
+    """Return the force of every support on the body, then its couple, by `support_names`.
 
-    See `resultants`; scaled. `origin` is the lattice's cell that is the arrays' first; `counted`
+    See `resultants`; scaled. `origin` is the scene's cell that is the arrays' first; `counted`
     are the faces that count, if the cells are a part of a body.
     """
     found: list[Any] = []
-    kinds, nothing = problem.kinds, 2 * problem.dimension
-    side = np.full(kinds.shape, -1, dtype=np.int8)
+    kinds, nothing, shape = problem.kinds, 2 * problem.dimension, scene.lattice.shape
+    side, names = np.full(kinds.shape, -1, dtype=np.int16), support_names(scene)
+    inner = np.nonzero(np.isin(kinds, (RIGID, ROLLER)))
+    # counted from the end, below all sides
+    side[inner] = supports_inside(scene, np.transpose(inner) - 1 + origin) - len(names)
     for index in range(nothing):
         axis, upper = divmod(index, 2)
-        end = origin[axis] + problem.shape[axis] == lattice.shape[axis]
+        end = origin[axis] + problem.shape[axis] == shape[axis]
         # Ends of arrays that were cut to the body are no sides: cells inside may hold it there.
         if end if upper else origin[axis] == 0:
             np.moveaxis(side, axis, 0)[-upper] = index
@@ -196,7 +200,7 @@ def reactions(
         at = np.nonzero((held | (spring > 0.0)) & (True if counted is None else counted[axis]))
         # The load on a fixed face goes straight into the support.
         pull = np.where(held[at], force[at] - problem.force[axis][at], -spring[at] * u[axis][at])
-        # The side whose cells hold a face; -1 if cells inside the array do.
+        # The side whose cells hold a face; below 0 if cells inside the array do.
         owner = np.minimum(*(side[at] for side in _sides(holding, axis, nothing)))
         place = np.transpose(at) - 1.0 + 0.5 * (np.arange(problem.dimension) != axis)
         # The body is held where it ends, not at faces within a support or half a cell beyond it.
@@ -209,4 +213,4 @@ def reactions(
     spots = np.concatenate([spot[some] - half, spot[some] + half])
     of, along, pull = (np.tile(one[some], 2) for one in (of, along, 0.5 * pull))
     place = np.tile(place[some], (2, 1))
-    return resultants([*lattice.sides, INSIDE], of, place, along, pull, spots)
+    return resultants(names, of, place, along, pull, spots)

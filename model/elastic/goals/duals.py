@@ -22,6 +22,7 @@ from kaju.model.elastic.equal.cell_agents import CellAgents
 from kaju.model.elastic.goals import quantities
 from kaju.model.elastic.goals.quantities import Deflection, Goal, Place, Quantity, Reaction, Stress
 from kaju.model.elastic.moduli import Moduli, equivalent_stress
+from kaju.model.elastic.named_supports import support_names
 from kaju.model.elastic.pair.border import Sides, torn
 from kaju.model.elastic.pair.elements import gauss
 from kaju.model.elastic.pair.gap import stress_of, tensors
@@ -29,7 +30,6 @@ from kaju.model.elastic.pair.leaves import LeafCells, Mesh
 from kaju.model.elastic.posed_body import PosedBody
 from kaju.model.outline.posed_outlines import OutlinedBody
 from kaju.model.scene import Scene, body_cells
-from kaju.model.scene.cell_types import INSIDE
 from kaju.model.scene.regions import LoadRegion
 
 if TYPE_CHECKING:
@@ -333,7 +333,7 @@ class Supported(DualGoal):
     def __init__(self, quantity: Reaction, body: PosedBody | Scene) -> None:
         super().__init__(quantity, body)
         self._name = quantity.side
-        names = [*self.scene.lattice.sides, INSIDE]
+        names = support_names(self.scene)
         if isinstance(body, PosedBody) and quantity.side not in names:
             told = f"goal: there is no support {quantity.side!r}{suggestion(quantity.side, names)}"
             raise ParameterError(f"{told}; there may be {', '.join(names)}")

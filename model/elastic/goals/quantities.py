@@ -93,7 +93,8 @@ class Reaction(_Parsed):
     Parameters
     ----------
     side : str
-        Such as "bottom"; "rigid" are the rigid cells inside the array.
+        Such as "bottom", or the name of a region that holds the body; "rigid" are the rigid cells
+        inside the array that have no name.
     along : str or sequence of float, optional
         An axis or a direction, as for a `Deflection`. By default the force as a vector.
 

@@ -11,9 +11,10 @@ from kaju.arrays import Flags, Floats, Ints, rigid_motions
 from kaju.errors import SupportError
 from kaju.model.elastic.free_motion import free_motion, unheld
 from kaju.model.elastic.moduli import moduli_at
+from kaju.model.elastic.named_supports import supports_inside
 from kaju.model.elastic.posed_body import PosedBody
 from kaju.model.elastic.uneven_loads import data_error
-from kaju.model.scene.cell_types import DISPLACED, FOUNDATION, INSIDE, RIGID, ROLLER
+from kaju.model.scene.cell_types import DISPLACED, FOUNDATION, RIGID, ROLLER
 
 from .leaves import Mesh, beyond
 
@@ -22,7 +23,7 @@ from .leaves import Mesh, beyond
 class Sides:
     """Supports of the m sides of the border, and loads of the n agents; scaled, in cells."""
 
-    support: Ints  # Side of the array that each lies on, behind these if inside; shape (m,)
+    support: Ints  # Which of `support_names` each lies on, where it is held; shape (m,)
     held: Flags  # Whether each component is held there; shape (m, d)
     given: Flags  # Whether the traction is given: neither held nor borne by a bed; shape (m, d)
     moved: Floats  # How far it is moved where it is held, less `shift`; shape (m, d)
@@ -74,7 +75,8 @@ def sides_of(body: PosedBody, mesh: Mesh) -> Sides:
         unit[here] = beyond(leaves, side)[mesh.owner[here]]
     kind = body.scene.kinds(unit // body.cell)
     outer = ((unit < 0) | (unit >= body.extent)).any(axis=1)
-    support = np.where(outer, mesh.side, 2 * d)
+    support = mesh.side.astype(np.int64)
+    support[~outer] = supports_inside(body.scene, unit[~outer] // body.cell)
     held = np.isin(kind, (RIGID, DISPLACED))[:, None] | ((kind == ROLLER)[:, None] & across)
     moved, bed, scales = np.zeros((m, d)), np.zeros(m), body.scales
     for side, name in enumerate(body.scene.lattice.sides):
@@ -137,8 +139,3 @@ def torn(mesh: Mesh, sides: Sides) -> Flags:
         np.minimum.at(least, vertex, np.where(sides.held, sides.moved, np.inf))
         np.maximum.at(most, vertex, np.where(sides.held, sides.moved, -np.inf))
     return np.asarray(((most > least) & (least < np.inf)).any(axis=1))
-
-
-def support_names(body: PosedBody) -> list[str]:
-    """Return the names of what `Sides.support` counts."""
-    return [*body.scene.lattice.sides, INSIDE]

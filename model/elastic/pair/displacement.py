@@ -114,7 +114,8 @@ def way_of(mesh: Mesh, sides: Sides) -> tuple[sp.csr_array, Ints]:
 def held_by(mesh: Mesh, sides: Sides) -> Flags:
     """Tell which components of nodes each support holds, shape (supports, nodes, d)."""
     d = sides.held.shape[1]
-    found = np.zeros((2 * d + 1, len(mesh.place) + len(mesh.ends), d), dtype=np.bool_)
+    supports = 1 + max(2 * d, sides.support.max(initial=0))
+    found = np.zeros((supports, len(mesh.place) + len(mesh.ends), d), dtype=np.bool_)
     side, axis = np.nonzero(sides.held)
     found[sides.support[side, None], mesh.on_border[side], axis[:, None]] = True
     return found
@@ -123,8 +124,9 @@ def held_by(mesh: Mesh, sides: Sides) -> Flags:
 def moved_by(mesh: Mesh, sides: Sides, shared: Floats) -> Floats:
     """Return the unknowns of agents of a displacement, which becomes as given where it is held."""
     d = sides.held.shape[1]
-    holds, far = held_by(mesh, sides), np.zeros((2 * d + 1, d))
-    for support in range(2 * d + 1):
+    holds = held_by(mesh, sides)
+    far = np.zeros((len(holds), d))
+    for support in range(len(holds)):
         here = sides.moved[sides.support == support]
         far[support] = here.max(axis=0, initial=0.0) + here.min(axis=0, initial=0.0)
     # Where supports meet that move apart (in space) a node moves by their mean.

@@ -8,11 +8,11 @@ from functools import cached_property
 import numpy as np
 
 from kaju.arrays import Floats, Ints
+from kaju.model.elastic.named_supports import support_names
 from kaju.model.results.cuts import resultants
 
 from . import elements
 from .airy import bed_rows, first_stress, of_tractions
-from .border import support_names
 from .displacement import Fitting
 from .elements import airy_stress, edge_tractions, on_sides, strains, stresses, without_plane
 from .gap import Bounds, at_points, bounds_of, roots_of, stress_of, tensors
@@ -117,7 +117,8 @@ class Opinions(Fitting):
         even, tilt = 0.5 * own[side, 0, axis], own[side, 1, axis]
         at = mesh.place[mesh.on_border[side, :2]].swapaxes(0, 1) / self.body.cell
         rows = np.tile(sides.support[side], 2), at.reshape(-1, 2), np.tile(axis, 2)
-        return resultants(support_names(self.body), *rows, np.append(even - tilt, even + tilt))
+        names, force = support_names(self.body.scene), np.append(even - tilt, even + tilt)
+        return resultants(names, *rows, force)
 
     def borne(self, moved: Floats) -> float:
         """Return the work of what supports bear on how they move, shape (m, 2)."""

@@ -17,11 +17,11 @@ import scipy.sparse as sp
 
 from kaju.arrays import Floats, Ints
 from kaju.errors import ParameterError
+from kaju.model.elastic.named_supports import support_names
 from kaju.model.elastic.posed_body import PosedBody
 from kaju.model.elastic.scales import ROUNDED
 from kaju.model.results.cuts import resultants
 
-from .border import support_names
 from .displacement import Fitting, held_by
 from .elements import corner_ends, gauss, quadratic_values, strain_rows
 from .gap import Bounds, roots_of, stress_of, tensors
@@ -130,7 +130,7 @@ class Bricks(Fitting):
 
     def reactions(self) -> dict[str, Floats]:
         """Return what supports bear, as `resultants`; scaled."""
-        mesh, sides, names = self.mesh, self.sides, support_names(self.body)
+        mesh, sides, names = self.mesh, self.sides, support_names(self.body.scene)
         # What several supports hold together each of them holds to the same share.
         flat = np.swapaxes(held_by(mesh, sides), 0, 1).reshape(len(mesh.place) + len(mesh.ends), -1)
         holds = mesh.masters(flat).reshape(len(flat), -1, 3)

@@ -72,7 +72,9 @@ def _page_question(of: Lesson, number: int) -> dict[str, Any]:
         "answer": {k: text.answers[number] for k, text in of.texts.items()},
         "show": kind.get("show", {}) | {"preset": kind.get("preset", 0)},
     }
-    told |= {name: kind[name] for name in ("until", "lines", "draws", "recalls") if name in kind}
+    told |= {
+        name: kind[name] for name in ("until", "lines", "draws", "recalls", "first") if name in kind
+    }
     if not of.scenes:
         told["pages"] = pages_of(of, number)
     if "answers" in kind:

@@ -232,6 +232,10 @@ def test_a_drawing_is_a_guess_and_a_number_rounded_well_is_nearly_right(opened, 
     field.fill("14.08")  # what is right within odd digits helps nobody
     field.press("Tab")
     assert page.text(".fields label:nth-child(4) [role=status]") == "look again"
+    page.js("(page.lesson.go(2), page.load(page.presets[2]), page.seek(1e9), page.rebuild())")
+    assert page.js("page.shownAt(page.run.lattice.key([15, 0]))") == ["asleep"]
+    order = "[...page.root.querySelectorAll('aside .fields, aside textarea')].map((e) => e.tagName)"
+    assert page.js(order) == ["TEXTAREA", "DIV"]  # who guesses first writes first
     page.tab.locator("canvas").first.focus()
     page.tab.keyboard.press("c")  # no question asks for cuts: no key leads there
     assert page.js("(page.lesson.go(3), page.look.mode)") == "body"

@@ -128,7 +128,16 @@ def test_the_worksheet_is_paper_with_what_was_typed(opened, lesson, teacher):
     paper = page.tab.pdf(format="A4", margin=dict.fromkeys(("top", "left", "right"), "14mm"))
     assert paper.count(b"/Type /Page\n") == 1 + teacher
     sheet = page.js("page.root.querySelector('.sheet').textContent")
-    words = "Name", "A load's way", "Mine", "P comes in", "= 10 mN", "Who wakes?", "One sentence."
+    words = (
+        "Name",
+        "A load's way",
+        "Mine",
+        "P comes in",
+        "ahead 0.5 P",
+        "= 10 mN",
+        "Who wakes?",
+        "One sentence.",
+    )
     for x in *words, "−2−1012345678 s", "40 mm":  # axes with units to draw at
         assert x in sheet
     assert ("Nine cells." in sheet) is teacher

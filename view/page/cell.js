@@ -207,7 +207,9 @@ function paintCell(page, box) {
   lines.forEach(([text, face], n) => say(text, cx, middle - 6 + 19 * n, inks.ink, face));
   words.forEach(([text, x, y, ink, options]) => paintWord(ctx, text, x, y, ink, inks, options));
   ctx.restore();
-  if (s > 120) (t("cellKey", { g: quantity(run.scene.rule.threshold, "N") }) + (run.C > L.D ? t("pullKey") : "")).split(" · ").forEach((line, n) => paintWord(ctx, line, cx - 1.2 * s, cy + 1.21 * s + 6 + 15 * n, inks.soft, inks));
+  const key = t("cellKey", { g: quantity(run.scene.rule.threshold, "N") }).split(" · ");
+  if (run.scene.rule.accumulate) key[1] = t("addsUp");   // no arrow ends alone
+  if (s > 120) (key.join(" · ") + (run.C > L.D ? t("pullKey") : "")).split(" · ").forEach((line, n) => paintWord(ctx, line, cx - 1.2 * s, cy + 1.21 * s + 6 + 15 * n, inks.soft, inks));
 }
 
 /** What agents of one's own passed on so far, by arm: no formula is theirs. */

@@ -293,11 +293,14 @@ function questionCards(lesson, q) {
   if (q.note) list.push(rendered(say(q.note)));
   const [guess] = lesson.questions, said = lesson.own(guess);
   if (q.recalls && said) list.push(make("p", { className: "recalled", textContent: t("youGuessed", { x: `${said} ${unitFor(said, say(guess.fields?.[0].unit))}` }) }));
-  if (q.kind === "cells") list.push(...guessCards(lesson, q));
+  if (q.kind === "cells") list.push(make("div", { className: "card sketch" }, ruleSketch(t, page.start.scene, true)), ...guessCards(lesson, q));
   if (lesson.opens && lesson.keeps && !lesson.teacher && !lesson.guessed(guess)) list.unshift(make("p", { className: "recalled" }, ...inline(t("beginHere", { to: `${lesson.key}.html` }))));   // who came by a link
   lesson.saved = make("small", { className: `saved${lesson.keeps ? "" : " bad"}`, role: "status", textContent: lesson.told });
   lesson.judges = [];
-  if (q.kind === "number") list.push(make("div", { className: q.fields.length % 2 || q.fields.length > 6 ? "fields" : "fields pairs" }, ...q.fields.map((field, i) => numberCard(lesson, q, field, i))), ...(q.lines ? textCard(lesson, q, q.fields.length) : []), lesson.saved);
+  if (q.kind === "number") {
+    const words = q.lines ? textCard(lesson, q, q.fields.length) : [], numbers = make("div", { className: q.fields.length % 2 || q.fields.length > 6 ? "fields" : "fields pairs" }, ...q.fields.map((field, i) => numberCard(lesson, q, field, i)));
+    list.push(...(q.first ? [...words, numbers] : [numbers, ...words]), lesson.saved);
+  }
   else list.push(...(q.kind === "cells" && lesson.shown === "guess" ? [] : textCard(lesson, q)), lesson.saved);   // nothing surprises before it is seen
   if (lesson.fixed) list.push(button(t("changeGuess"), () => { lesson.done = lesson.done.filter((step) => step !== q.step); page.seek(q.until ?? 0); page.rebuild(); }, { className: "small" }));
   if (q.hint) list.push(make("details", { className: "card" }, make("summary", { textContent: t("hint") }), rendered(say(q.hint))));
@@ -397,7 +400,7 @@ function paperOf(page) {
   const answers = lesson.teacher ? [make("div", { className: "teachers" }, make("h1", { textContent: `${t("answers")}: ${page.say(lesson.title)}` }),
     ...(lesson.notes ? [rendered(page.say(lesson.notes))] : []),
     ...lesson.questions.map((q, i) => make("section", {}, make("b", { className: "number", textContent: i + 1 }), make("div", { className: "asked" }, ...solution(page, q)))))] : [];
-  return [head, ...(lesson.intro ? [rendered(page.say(lesson.intro))] : []), ...(page.start?.scene.rule?.kind === "prescribed" ? [ruleBox(t, page.start.scene)] : lesson.questions.some((q) => q.draws === true && mayDraw(q)) ? [] : [bodyOf(page)]), ...questions, foot, ...answers];
+  return [head, ...(lesson.intro ? [rendered(page.say(lesson.intro))] : []), ...(page.start?.scene.rule?.kind === "prescribed" ? [ruleBox(t, page.start.scene, lesson.questions[0].kind === "cells")] : lesson.questions.some((q) => q.draws === true && mayDraw(q)) ? [] : [bodyOf(page)]), ...questions, foot, ...answers];
 }
 
 function loadWords({ scene } = {}) {
@@ -410,8 +413,12 @@ const solution = (page, q) => [make("p", { textContent: (q.fields ?? []).map((f)
 function answerOf(page, q, open) {
   const { lesson, t } = page, given = lesson.answers[q.key], lines = (n) => Array.from({ length: n }, () => make("div", { className: "ruled" }));
   const written = lesson.said(q.kind === "number" ? given?.[q.fields.length] : given), text = written?.trim() ? [make("p", { className: "given", textContent: written })] : null;
-  if (q.kind === "number") return [make("table", {}, make("tr", {}, ...q.fields.map((f) => make("th", {}, page.say(f.label) ?? ""))),
-    make("tr", {}, ...q.fields.map((f, i) => make("td", {}, make("em", { textContent: given?.[i] ?? "" }), ` ${unitFor(given?.[i], page.say(f.unit))} ${lesson.sign(q, i)}`)))), ...(q.draws ? [axes(page, q.draws)] : []), ...(q.write ? [make("p", {}, ...inline(page.say(q.write)))] : []), ...(q.lines ? text ?? lines(q.lines) : [])];
+  if (q.kind === "number") {
+    const table = make("table", {}, make("tr", {}, ...q.fields.map((f) => make("th", {}, page.say(f.label) ?? ""))),
+    make("tr", {}, ...q.fields.map((f, i) => make("td", {}, make("em", { textContent: given?.[i] ?? "" }), ` ${unitFor(given?.[i], page.say(f.unit))} ${lesson.sign(q, i)}`))));
+    const numbers = [table, ...(q.draws ? [axes(page, q.draws)] : [])], words = [...(q.write ? [make("p", {}, ...inline(page.say(q.write)))] : []), ...(q.lines ? text ?? lines(q.lines) : [])];
+    return q.first ? [...words, ...numbers] : [...numbers, ...words];
+  }
   if (q.draws === true) return [bodyOf(page, q), ...(text ?? lines(1))];
   if (q.kind !== "cells" || page.run.lattice?.dimension !== 2) return text ?? lines(q.lines ?? 3);
   const guess = lesson.guesses[q.key] ?? {}, first = lesson.firsts[q.key], spawned = {}, { scene, cells = page.start.cells } = page.presets[q.show?.preset ?? 0];
@@ -457,18 +464,24 @@ function grid({ run: { lattice: L, kinds }, scene }, title, numbers, all) {
   return make("figure", {}, make("figcaption", { textContent: title }), svg);
 }
 
-/** The rule in one cell, with the names of its shares: of those that a body has. */
-function ruleBox(t, scene) {
-  const { rule, materials: [{ poissons_ratio: nu }] } = scene, [a1, a2, a3] = rule.alpha ?? [0.5, 0.5, 0.25];
+/** The rule in one cell, drawn: its shares by name, or as numbers where a question says them so. */
+function ruleSketch(t, { rule, materials: [{ poissons_ratio: nu }] }, numbers) {
+  const [a1, a2, a3] = rule.alpha ?? [0.5, 0.5, 0.25], pushed = (1 - rule.beta) * nu * a1, share = (name, v) => `${numbers ? `${general(v, 3)} ` : name}P`;
   const svg = draw("svg", { viewBox: "0 0 280 170", width: 280, height: 170, role: "img", "aria-label": t("cell") });
   const word = (x, y, text, anchor = "start") => svg.append(draw("text", { x, y, "text-anchor": anchor, "font-size": 12 }, text));
   const shaft = (d, dashed) => svg.append(draw("path", { d, fill: "none", stroke: "#000", "stroke-width": 1.8, ...(dashed ? { "stroke-dasharray": "3 3" } : {}) }));
   svg.append(draw("rect", { x: 100, y: 50, width: 80, height: 72, fill: "#d5dade", stroke: "#000" }), draw("rect", { x: 100, y: 46, width: 80, height: 80, fill: "none", stroke: "#000", "stroke-dasharray": "3 3" }));
   shaft("M140 4V42M135 34L140 42L145 34"); word(152, 18, `P ${t("comesIn")}`);
-  shaft("M140 126V156M135 148L140 156L145 148"); word(152, 150, `${t("ahead")} α₂P`);
-  if (a3) { shaft("M82 66V104M77 96L82 104L87 96"); word(72, 92, "α₃P", "end"); shaft("M198 66V104M193 96L198 104L203 96"); word(210, 92, "α₃P"); }
-  if (rule.beta !== 1) { shaft("M98 56H56M64 51L56 56L64 61", true); word(4, 42, "(1−β)να₁P"); shaft("M182 56H224M216 51L224 56L216 61", true); word(196, 42, "(1−β)να₁P"); }
-  word(140, 84, t("keeps"), "middle"); word(140, 102, "α₁P", "middle");
+  shaft("M140 126V156M135 148L140 156L145 148"); word(152, 150, `${t("ahead")} ${share("α₂", a2)}`);
+  if (a3) { shaft("M82 66V104M77 96L82 104L87 96"); word(72, 92, share("α₃", a3), "end"); shaft("M198 66V104M193 96L198 104L203 96"); word(210, 92, share("α₃", a3)); }
+  if (rule.beta !== 1) { shaft("M98 56H56M64 51L56 56L64 61", true); word(4, 42, share("(1−β)να₁", pushed)); shaft("M182 56H224M216 51L224 56L216 61", true); word(196, 42, share("(1−β)να₁", pushed)); }
+  word(140, 84, t("keeps"), "middle"); word(140, 102, share("α₁", a1), "middle");
+  return svg;
+}
+
+/** On paper the rule stands in words, too, with all its numbers. */
+function ruleBox(t, scene, numbers) {
+  const { rule, materials: [{ poissons_ratio: nu }] } = scene, [a1, a2, a3] = rule.alpha ?? [0.5, 0.5, 0.25];
   const values = `${Object.entries({ "α₁": a1, "α₂": a2, ...(a3 ? { "α₃": a3 } : {}), ...(rule.beta === 1 ? {} : { "β": rule.beta, "ν": nu }) }).map(([name, v]) => `${name} = ${general(v, 4)}`).join(", ")}${rule.beta === 1 ? "" : `, (1−β)να₁ = ${general((1 - rule.beta) * nu * a1, 4)}`}, γ = ${quantity(rule.threshold, "N")}`;
-  return make("div", { className: "rulebox" }, svg, make("div", {}, make("h2", { textContent: t("cell") }), make("p", { textContent: `${rule.accumulate ? t("addsUp") : ""}${t("ruleInWords")}${a3 ? t("ruleSides") : ""}${rule.sense ? t("rulePulls") : ""}${rule.beta === 1 ? "" : t("ruleWidens")}` }), make("p", { textContent: values })));
+  return make("div", { className: "rulebox" }, ruleSketch(t, scene, numbers), make("div", {}, make("h2", { textContent: t("cell") }), make("p", { textContent: `${rule.accumulate ? t("addsUp") : ""}${t("ruleInWords")}${a3 ? t("ruleSides") : ""}${rule.sense ? t("rulePulls") : ""}${rule.beta === 1 ? "" : t("ruleWidens")}` }), make("p", { textContent: values })));
 }

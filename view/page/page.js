@@ -430,8 +430,13 @@ export class Page {
     this.later();
     return true;
   }
+  /** What a cell shows, in words: its value, or that no load has woken it. */
+  shownAt(k) {
+    const value = this.values()[k], { kinds, spawn } = this.run;
+    return value >= 0 ? [quantity(value, UNITS[this.look.colour])] : this.g > 0 && kinds[k] >= 0 && spawn && !(spawn[k] > 0 && spawn[k] <= this.g) ? [this.t("asleepNow")] : [];
+  }
   /** A tip at the cursor: the cell, and a line for its value. */
-  tip(cell, event, lines = cell ? [this.values()[this.run.lattice.key(cell)]].filter((v) => v >= 0).map((v) => quantity(v, UNITS[this.look.colour])) : []) {
+  tip(cell, event, lines = cell ? this.shownAt(this.run.lattice.key(cell)) : []) {
     const { tip } = this.parts, { offsetX: x, offsetY: y, target: { clientWidth: w, clientHeight: h } } = event;
     tip.hidden = !cell || event.pointerType === "touch";
     if (tip.hidden) return;

@@ -63,12 +63,12 @@ class Seen:
         """Return how many of the cells each row has, from the top to the last that has any."""
         return np.bincount(self.top - cells[:, 1]).tolist() if len(cells) else []
 
-    def only_load(self, generation: int) -> tuple[int, float, bool]:
-        """Return the row, size and pull (or push) of the only load taken in a generation."""
+    def only_load(self, generation: int) -> tuple[int, bool]:
+        """Return the row and pull (or push) of the only load taken in a generation."""
         history = self.stage.history
         (place,) = np.flatnonzero(history.generation == generation)
         row = self.stage.cells[history.agent[place], 1]
-        return int(row), float(history.load[place]), bool(history.pull[place])
+        return int(row), bool(history.pull[place])
 
     def movement(self, result: Any, *cell: int) -> NDArray[Any]:
         """Return the displacement (nm) of a cell's centre."""
@@ -142,11 +142,10 @@ PLANE: Words = {
     "narrows": lambda seen: seen.rows() == sorted(seen.rows(), reverse=True),
     # loads
     "load_at": lambda seen, generation: seen.only_load(generation)[0],  # row, from the ground
-    "load_in": lambda seen, generation: seen.only_load(generation)[1],
-    "pull_in": lambda seen, generation: seen.only_load(generation)[2],
-    "taken_in": lambda seen, generation: float(  # by all agents
+    "load_in": lambda seen, generation: float(  # taken by all agents
         seen.stage.history.load[seen.stage.history.generation == generation].sum()
     ),
+    "pull_in": lambda seen, generation: seen.only_load(generation)[1],
     "pulls": lambda seen: bool(seen.stage.pulled.any()),
     "first_pull": lambda seen: int(
         seen.stage.history.generation[seen.stage.history.pull].min()  # its generation

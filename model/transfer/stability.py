@@ -73,9 +73,8 @@ def stability(scene: Scene) -> Certificate:
 def certify(transfer: Transfer, ordered: bool = False) -> Certificate:
     """Do the work of `stability` for a rule in tables; `ordered`: an order decides who acts."""
     scene, emitted = transfer.scene, transfer.emitted
-    lower, upper = float(emitted.min()), float(emitted.max())
-    if upper - lower <= 1e-12 * upper:
-        lower = upper
+    # Without what rounding adds: shares that sum up to 1 neither grow nor end.
+    lower, upper = (float(f"{sums:.12g}") for sums in (emitted.min(), emitted.max()))
     radius = upper if lower == upper else None
     largest_share = float(transfer.tables.share.max(initial=0.0))
     applied = split_force(scene.lattice, transfer.applied(scene.stages).force)[2]
@@ -158,12 +157,12 @@ def _grows(transfer: Transfer, lower: float, upper: float, surely: bool) -> tupl
     way = transfer.lattice.way(0, 0).beside
     beside = sum(each.friction for each in way)
     sideways = beside * shares.friction + sum(each.poisson for each in way) * shares.poisson
-    if lower < 1.0:
-        growth = f"loads may grow by up to {100.0 * (upper - 1.0):.3g} % a generation in {name!r}"
-    elif lower > 1.0:
-        growth = f"loads grow by {100.0 * (lower - 1.0):.3g} % a generation"
-    else:
+    if upper == 1.0:
         growth = "loads stay as they are"
+    elif lower <= 1.0:
+        growth = f"loads may grow by up to {100.0 * (upper - 1.0):.3g} % a generation in {name!r}"
+    else:
+        growth = f"loads grow by {100.0 * (lower - 1.0):.3g} % a generation"
     forward = 1.0 - sideways
     friction = (1.0 - shares.forward - (sideways - beside * shares.friction)) / beside
     remedies = [

@@ -299,9 +299,7 @@ export function* certifying(scene, cells) {
     const generations = endsWithin(load, accumulate ? upper : largest, threshold);
     return { lower, upper, generations, stable: generations !== null, ...named };
   };
-  const bounds = [Math.min(...emitted), Math.max(...emitted)];
-  if (bounds[1] - bounds[0] <= 1e-12 * bounds[1]) bounds[0] = bounds[1];
-  const best = told(bounds);
+  const best = told([Math.min(...emitted), Math.max(...emitted)].map((sum) => Number(sum.toPrecision(12))));   // shares that sum up to 1 but for rounding neither grow nor end
   if (best.stable) return best;
   yield best;
   // The sums know nothing of γ: the run tells.

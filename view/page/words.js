@@ -61,7 +61,7 @@ export function verdictOf(certificate, rule, t) {
   const percent = general(100 * (certificate.upper - 1), 3), growing = n * Math.log(certificate.upper) > Math.log(1e12);
   if (n !== null && !tried) return n === 0 ? t("nothing") : (n === 1 ? t("ends1") : t("ends", { n })) + (growing ? t("growing", { p: percent }) : "");
   const a = !rule.accumulate ? t(certificate.undiminished ? "never" : "mayNever", { m })
-    : certificate.lower < 1 ? t("mayGrow", { m, p: percent }) : certificate.lower === 1 ? t("stay") : t("grow", { p: general(100 * (certificate.lower - 1), 3) });
+    : certificate.upper === 1 ? t("stay") : certificate.lower <= 1 ? t("mayGrow", { m, p: percent }) : t("grow", { p: general(100 * (certificate.lower - 1), 3) });
   if (tried) return t("rests", { n, a });
   if (stable === null) return t("unlessEnded", { a });
   if (!rule.accumulate) return t("lower1", { a });

@@ -71,6 +71,20 @@ LOW = "beside curved edges it may be a third too low"
 """Of a hole of 5 to 10 cells 21 to 27 of 31 MPa were told, by cells that are cut and by steps."""
 
 
+MUCH = 0.1
+"""An error above which an answer without a tolerance is doubtful: a choice."""
+
+
+def doubt_of(result: ElasticResult) -> str | None:
+    """Say why the largest stress is doubtful, if it is."""
+    if result.stepped:
+        return LOW
+    error = result.error_estimate
+    if result.tolerance is not None or error <= MUCH:
+        return None
+    return f"may be off by {f'about {error:.0%}' if isfinite(error) else 'any amount'} or more"
+
+
 def caveats_of(result: ElasticResult) -> tuple[str, ...]:
     """Return what is approximate of an answer: in a few words, for pictures, a colon, and why."""
     held = _of_blocks(result) if result.cut_agents is None else _of_bolts(result)
@@ -118,7 +132,7 @@ def _of_error(result: ElasticResult) -> Iterator[str]:
         return
     if not isfinite(error):
         yield "error not known: sides that meet are moved apart, which takes endless energy"
-    elif error > 0.1:  # a choice
+    elif error > MUCH:
         name, value = "tolerance", f"{0.5 * min(0.1, error):.2g}"
         if found.storage == "solid":  # no tolerance can be asked of these
             name, value = "resolution", f"{2 * result.subdivision}"

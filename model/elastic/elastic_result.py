@@ -13,7 +13,7 @@ from kaju import __version__
 from kaju.arrays import Flags, Floats, Ints, first_largest, nearest, spread
 from kaju.errors import KajuError, ParameterError, ResultError, suggestion
 from kaju.model.elastic.arguments import check_numbers
-from kaju.model.elastic.caveats import LOW, caveats_of, is_stepped, refuse_singular, unproved
+from kaju.model.elastic.caveats import caveats_of, doubt_of, is_stepped, refuse_singular, unproved
 from kaju.model.elastic.corners import sharp_places
 from kaju.model.elastic.equal.cell_agents import CellAgents
 from kaju.model.elastic.goals.duals import goal_of, without_outline
@@ -553,7 +553,7 @@ class ElasticResult(BodyResult):
             "max_displacement": self.max_displacement,
             "largest_stress_Pa": found.value,
             "largest_stress_at_m": list(found.at),
-            "largest_stress_Pa_doubt": LOW if self.stepped else None,
+            "largest_stress_Pa_doubt": doubt_of(self),
             "largest_hoop_stress_Pa": {name: one for name, (one, _) in along} or None,
             "largest_hoop_stress_at_m": {name: at for name, (_, at) in along} or None,
             "reaction": {name: force.tolist() for name, force in told.items()},

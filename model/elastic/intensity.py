@@ -122,6 +122,24 @@ def intensity(result: ElasticResult, at: tuple[float, ...]) -> Intensity:
 
 def _tip_at(grid: Scene, point: Floats) -> _Tip:
     """Return the tip of a corner of cells, or of a slit of one cell's width."""
+    if (tip := _seen_at(grid, point)) is None:
+        raise ParameterError(
+            f"at: {point.tolist()} m is neither a re-entrant corner of cells of one material "
+            "nor the middle of the end of a slit one cell wide; `sharp_corners` lists corners"
+        )
+    if not tip.slit:
+        inwards = -0.5 * grid.lattice.cell_size * np.sign(tip.turn[0])  # into the air
+        for end in point + np.diag(inwards):
+            if _seen_at(grid, end):
+                raise ParameterError(
+                    f"at: {point.tolist()} m is a corner of the end of a slit one cell wide; ask "
+                    f"at the middle of this end, {np.round(end, 9).tolist()} m, as of a crack"
+                )
+    return tip
+
+
+def _seen_at(grid: Scene, point: Floats) -> _Tip | None:
+    """Return the tip that there is at a point, if there is one."""
     place = point / grid.lattice.cell_size
     off = np.abs(place - np.rint(place))
     line, middle = (np.abs(off - end) <= ON_EDGE for end in (0.0, 0.5))
@@ -138,10 +156,7 @@ def _tip_at(grid: Scene, point: Floats) -> _Tip:
         slit = 0.0 if corner else 0.5 * grid.lattice.cell_size
         half = 0.75 * np.pi if corner else np.pi
         return _Tip(point, half, slit, np.array([[x, y], [-y, x]]), int(body[0]))
-    raise ParameterError(
-        f"at: {point.tolist()} m is neither a re-entrant corner of cells of one material "
-        "nor the middle of the end of a slit one cell wide; `sharp_corners` lists corners"
-    )
+    return None
 
 
 def _room(result: ElasticResult, tip: _Tip) -> float:

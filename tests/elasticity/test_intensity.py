@@ -96,3 +96,5 @@ def test_a_slit_beside_edges_is_refused():
     scene, (tip, _) = strip(10, 0, 5)
     with pytest.raises(ParameterError, match=r"^at: other edges"):
         solve(scene).intensity(tip)
+    with pytest.raises(ParameterError, match=r"corner of the end of a slit .* \[0.5, 1.05\] m"):
+        solve(scene).intensity((tip[0], tip[1] + 0.05))

@@ -131,7 +131,7 @@ export class MotionPage extends Page {
     if (/density|pull/.test(name)) high = 1;      // their ends are those of every body
     if (low < 0) { if (!this.fields.strength) high = Math.max(high, -low); low = -high; }   // what tears, tears by a pull: the ends are the largest, whatever is pushed more
     this.scales.set(name, known);
-    return Object.assign(known, { low: log ? high * (name === "gap" ? 1e-6 : 1e-4) : low, high: high || 1, log });
+    return Object.assign(known, { low: log ? high * (name === "gap" ? 1e-3 : 1e-4) : low, high: high || 1, log });
   }
 
   drawBody() {

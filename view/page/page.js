@@ -282,9 +282,11 @@ export class Page {
   unmarked(preset) {
     const { g, run, picked, lesson, canvas } = this, { hidden } = lesson, kinds = preset && run.lattice.kinds(preset.cells ?? this.start.cells, preset.scene.sides);   // whatever is loaded now
     Object.assign(this, { g: 0, picked: -1, run: kinds ? Object.create(run, { kinds: { value: kinds } }) : run }); lesson.hidden = true; this.drawBody();
-    const url = canvas.toDataURL();
+    const { width, height } = canvas, ink = new Uint32Array(canvas.getContext("2d").getImageData(0, 0, width, height).data.buffer), drawn = (pixel) => pixel !== ink[0];
+    const top = Math.floor(ink.findIndex(drawn) / width), sheet = Object.assign(make("canvas"), { width, height: Math.floor(ink.findLastIndex(drawn) / width) + 1 - top });
+    sheet.getContext("2d").drawImage(canvas, 0, -top);   // without the empty rows above and below
     Object.assign(this, { g, picked, run }); lesson.hidden = hidden; this.drawBody();
-    return url;
+    return sheet.toDataURL();
   }
   /** The body as it stands at this generation, in the whole canvas or a box of it. */
   drawBody(box = {}, values = this.values(), scale = this.scale()) {

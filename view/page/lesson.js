@@ -467,7 +467,7 @@ function grid({ run: { lattice: L, kinds }, scene }, title, numbers, all) {
 /** The rule in one cell, drawn: its shares by name, or as numbers where a question says them so. */
 function ruleSketch(t, { rule, materials: [{ poissons_ratio: nu }] }, numbers) {
   const [a1, a2, a3] = rule.alpha ?? [0.5, 0.5, 0.25], pushed = (1 - rule.beta) * nu * a1, share = (name, v) => `${numbers ? `${general(v, 3)} ` : name}P`;
-  const svg = draw("svg", { viewBox: "0 0 280 170", width: 280, height: 170, role: "img", "aria-label": t("cell") });
+  const svg = draw("svg", { viewBox: "0 3 280 154", width: 280, height: 154, role: "img", "aria-label": t("cell") });
   const word = (x, y, text, anchor = "start") => svg.append(draw("text", { x, y, "text-anchor": anchor, "font-size": 12 }, text));
   const shaft = (d, dashed) => svg.append(draw("path", { d, fill: "none", stroke: "#000", "stroke-width": 1.8, ...(dashed ? { "stroke-dasharray": "3 3" } : {}) }));
   svg.append(draw("rect", { x: 100, y: 50, width: 80, height: 72, fill: "#d5dade", stroke: "#000" }), draw("rect", { x: 100, y: 46, width: 80, height: 80, fill: "none", stroke: "#000", "stroke-dasharray": "3 3" }));

@@ -312,7 +312,7 @@ function dressed(root, text) {                 // by script, so that the content
 /** A page in a file, or in a frame of a notebook: everything is in the text. The keys that nobody else takes are its own. */
 export async function openPage(element, base64) {
   element.whole = true;
-  dressed(document, "html, body { margin: 0; height: 100%; } body > main { height: 100%; } @page { margin: 8mm; }");
+  dressed(document, "html, body { margin: 0; height: 100%; } body > main { height: 100%; } @page { margin: 6mm 8mm; }");
   dressed(element.attachShadow({ mode: "open" }), STYLE);
   document.addEventListener("keydown", (event) => { if (event.target === document.body) element.page?.key(event); });
   const { header, columns } = await unpack(bytesOf(base64));

@@ -25,7 +25,7 @@ from .cell_types import AIR, DISPLACED, FOUNDATION, NOT_BODY, PINNED, RIGID, ROL
 from .description import FREE, HELD_AS, Body, Description, SideCondition, check_side
 from .lattice import Cells, Lattice
 from .pictures import Picture, check_count, check_size, from_array, from_drawing, from_image
-from .regions import reach_of
+from .regions import much_larger, reach_of
 from .shapes import Points, Relation, Shape
 from .validation import check_axes
 
@@ -327,10 +327,12 @@ def _check_regions(resolved: ResolvedBody) -> None:
         if count(box) > 10_000:  # such a region is not small
             continue
         if not region.shape.contains(resolved.lattice.centres(grid(*box))).any():
+            where, lattice = f"body.regions.{number}: holds no cell's centre; ", resolved.lattice
+            if much_larger(region.shape, lattice):
+                raise SceneError(f"{where}it {reach_of(region.shape, lattice)}")
             raise SceneError(
-                f"body.regions.{number}: holds no cell's centre; cells are "
-                f"{resolved.lattice.cell_size:g} m wide. Make it larger or the cells smaller, or "
-                'give all regions outline = "true"'
+                f"{where}cells are {lattice.cell_size:g} m wide. Make it larger or the cells "
+                'smaller, or give all regions outline = "true"'
             )
 
 

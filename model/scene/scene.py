@@ -34,7 +34,7 @@ from .pictures import Picture, check_size
 from .regions import PIXELS, PathShape, Region, much_larger, reach_of
 from .resolved_body import CellBox, ResolvedBody, check_body, check_outlines, nothing_left, resolve
 from .selection import AppliedLoads, Selection, at_stage, check_gravity, select
-from .shapes import Ball, Polygon, Shape
+from .shapes import Ball, Polygon, RoundedBox, Shape
 from .surfaces import ClosedSurface
 from .validation import key_path, plain, read_toml, with_lines
 
@@ -261,6 +261,7 @@ class Scene(Description):
         for number, filled in enumerate(found):
             shape, where = filled.shape, f"body.regions.{number}"
             (low, high), surface = shape.extent, isinstance(shape, ClosedSurface)
+            shaped = surface or isinstance(shape, RoundedBox)
             # Boxes go over the edge to say "all of this side", and disks are halved by symmetry.
             drawn = isinstance(shape, ClosedSurface | PathShape | Polygon) or _lies_in(shape, size)
             margin, far = 0.01 * size.max(), much_larger(shape, self.lattice)
@@ -268,7 +269,7 @@ class Scene(Description):
             told = "what lies beyond is cut off" + surface * "; offset = [x, y, z] (m) moves it"
             told = "" if far else told  # the units are asked for
             hole = filled.kind == cell_types.AIR
-            if not plain[number] and ((drawn and beyond and not hole) or (surface and far)):
+            if not plain[number] and ((drawn and beyond and not hole) or (far and shaped)):
                 yield f"{where}: {reach_of(shape, self.lattice, told)}"
 
     @contextmanager

@@ -86,6 +86,7 @@ REGIONS = [
     ({"polygon": [[0, 0], [0, 1], [0, 2]], "material": "air"}, "corners lie on one line"),
     ({"disk": {"centre": [0, 0], "radius": 20}, "material": "ice"}, "holds the whole .* metres?"),
     ({"path": "M 0 0 H 200 V 200 H 0 Z", "material": "ice"}, "regions.0.path: holds the whole"),
+    ({"path": "M 9 0 H 200 V 200 H 0 V 9 Z", "material": "ice"}, "no cell's centre; it .* metres?"),
     ({"box": [[0, 0], [1, 1]], "material": "air", "name": "left"}, "0.name: 'left' is what a s"),
     ({"image": {"file": "no.png"}, "material": "air"}, "file: no.png: cannot be read: No such"),
 ]
@@ -253,6 +254,7 @@ def test_millimetres_and_gigapascals_are_asked_about():
         ({"disk": {"centre": [60, 60], "radius": 65.0}}, "is cut off"),
         ({"disk": {"centre": [0, 0], "radius": 65.0}}, ""),  # a quarter, by symmetry
         ({"box": [[-9, -9], [9, 9]]}, ""),  # all of a corner
+        ({"rounded_box": {"box": [[60, 60], [9e3, 9e3]], "radius": 9.0}}, "are these metres?"),
     ]:
         notes = wrong.with_region("ice", **shape).notes
         assert [told in note for note in notes if "reaches from" in note] == [True] * bool(told)

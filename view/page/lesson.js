@@ -57,8 +57,8 @@ export class Lesson {
   begun(q) { return Object.keys(this.guesses[q.key] ?? {}).length > 0; }
   /** Whether a guess in words or numbers stays as it is: more has been seen since. */
   get fixed() { const { question: q, done, teacher } = this; return !teacher && q.step === "predict" && q.kind !== "cells" && done.includes("predict"); }
-  /** The last generation that is open: none before a guess, then the question's, all where it is answered. */
-  get limit() { const { question: q } = this; return this.teacher || q?.until === undefined || (q.kind !== "cells" && this.answered(q)) ? Infinity : q.kind === "cells" && !this.guessed(q) ? 0 : q.until; }
+  /** The last generation that is open: none before a guess, then the question's; where it is answered the next one's, or all. */
+  get limit() { const { question: q, questions, at } = this; return this.teacher || q?.until === undefined ? Infinity : q.kind !== "cells" ? (this.answered(q) ? questions[at + 1] : q)?.until ?? Infinity : this.guessed(q) ? q.until : 0; }
   /** Whether a guess is still to be made: what would give it away is not shown. */
   get secret() { return this.hidden && this.page.g === 0; }
   /** Which way of looking a question asks for. */

@@ -183,7 +183,7 @@ export class Page {
     this.moved = null;
   }
   seek(g) {
-    if (g > this.limit && Number.isFinite(g)) this.lesson.ask();
+    if (g > this.limit && Number.isFinite(g) && this.lesson.missing(this.lesson.question).length) this.lesson.ask();
     g = Math.min(g, this.limit);
     this.goTo(g);
     this.later();

@@ -88,7 +88,7 @@ MODES.push({
     const { t } = page, { taken, at } = page.picked >= 0 ? studied(page) : { taken: [] };
     const turn = (by) => { page.study = { ...page.study, at: (at + by + taken.length) % taken.length, row: taken[(at + by + taken.length) % taken.length] }; page.refresh(); };
     const choose = taken.length > 1 ? [make("span", { className: "soft", textContent: t("loadOf", { n: at + 1, m: taken.length }) }), iconButton("back", t("formerLoad"), () => turn(-1)), iconButton("step", t("nextLoad"), () => turn(1))] : [];
-    const back = button(`‹ ${t("body")}`, () => page.setMode(page.lesson?.home ?? "body"));
+    const back = button(`‹ ${t("wholeBody")}`, () => page.setMode(page.lesson?.home ?? "body"));
     return [back, make("b", { textContent: t("cell") }), make("span", { className: "push" }), ...choose];
   },
   cards: (page) => [...cellCards(page), storyCard(page)],

@@ -128,10 +128,11 @@ export class MotionPage extends Page {
     }
     let { least: low, far: high } = known;
     const log = low === 0 && high > 0 && (!this.moved ? /load|mises/ : this.born ? /load|gap/ : /^$/).test(name);
+    if (name === "gap" && this.born) high = Array.from({ length: this.count }, (_, i) => (this.there(i) ? this.value(i, name) : 0)).reduce((a, b) => Math.max(a, b));   // of this generation: where it still is
     if (/density|pull/.test(name)) high = 1;      // their ends are those of every body
     if (low < 0) { if (!this.fields.strength) high = Math.max(high, -low); low = -high; }   // what tears, tears by a pull: the ends are the largest, whatever is pushed more
     this.scales.set(name, known);
-    return Object.assign(known, { low: log ? high * (name === "gap" ? 1e-3 : 1e-4) : low, high: high || 1, log });
+    return Object.assign(known, { low: log ? high * (name === "gap" ? 1e-2 : 1e-4) : low, high: high || 1, log });
   }
 
   drawBody() {

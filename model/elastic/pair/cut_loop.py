@@ -216,6 +216,7 @@ class _Peak:
         self._asked, self._tolerance, name = asked, tolerance, str(asked.at)
         self._which = [region.name for region in body.asked.body.regions].index(name)
         self._value = self._off = self._error = inf
+        self._ends = -inf, inf
         self._place: tuple[float, ...] = ()
         check_alone(body.true.regions, self._which, f"goal: {name!r}", "peak")
         no_limit = f"goal: the stress along {name!r} has no limit: this outline"
@@ -237,7 +238,7 @@ class _Peak:
 
     def judge(self, pair: CutPair) -> Judged:
         """Return the error, what each leaf adds to it, and the share of it to aim at."""
-        before, along = self._value, HoopStress.along(pair, self._which).counted()
+        along = HoopStress.along(pair, self._which).counted()
         often = coarse_along(pair, self._tolerance)
         if not len(along.place):
             if not often.any():
@@ -246,6 +247,8 @@ class _Peak:
         values = getattr(along, kind := self._asked.component)
         at = int(np.abs(values).argmax())
         self._value, self._place = float(values[at]), tuple(along.place[at].tolist())
+        # A pull and a push may be alike: which of them is larger says nothing of the error.
+        before, self._ends = self._ends[int(values[at] > 0.0)], (values.min(), values.max())
         # The error of a small peak is relative to a hundredth of the largest stress.
         largest = max(abs(self._value), 0.01 * float(np.abs(pair.means[0]).max()))
         # where it was within the tolerance, the last agents spawned for something else

@@ -206,6 +206,8 @@ def test_a_guess_is_not_judged_and_what_a_question_looks_at_is_there(opened, tmp
     page = opened(*make_pages.make_lesson(lesson("blow-up"), tmp_path))
     curves = "page.parts.charts.childElementCount"  # what is read, and no other
     assert page.js(f"(page.lesson.go(1), page.draw(), {curves})") == 1
+    page.js("dispatchEvent(new Event('beforeprint'))")  # the sheet's rule is that of question 1
+    assert "β = 0.5" in page.js("page.root.querySelector('.sheet').textContent")
     page.js("page.lesson.go(2)")
     assert "Every load ends" in page.text(".verdict")
 

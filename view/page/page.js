@@ -98,7 +98,7 @@ export class Page {
   /** Whether the run goes no further. */
   get over() { const { run } = this; return run.atRest || run.grown || run.generation >= MOST_GENERATIONS || run.taken?.n > MOST_ROWS; }
   adopt(run) {
-    this.run = run; this.scales = new Map(); this.moved = null; this.curves = null;
+    this.run = run; this.scales = new Map(); this.moved = null; this.curves = null; this.seen = 0;
     this.sums = {};
     for (const [name, width] of Object.entries({ taken: run.C, ...notesOf(run) })) if (run[name]) this.sums[name] = new Sums(run[name], width * run.lattice.size);
   }
@@ -316,7 +316,7 @@ export class Page {
   /** What a legend says of its scale: in a lesson also that other examples have another. */
   kindOf({ log, whether }) { return whether ? "" : this.t(log ? "log" : "linear") + (this.lesson?.several && !/density|pull/.test(this.look.colour) ? ` · ${this.t("ownScale")}` : ""); }
   words() {
-    const { run, t, parts, g } = this, done = this.over;
+    const { run, t, parts, g } = this, done = this.over, seen = this.seen = Math.max(this.seen, g), read = this.lesson && !this.lesson.teacher ? seen : Infinity;   // what a lesson lets read is played first
     this.tellTime(this.limit < run.generation ? t("generationOnly", { g }) : t(done ? "generation" : "running", { g, n: run.generation }));
     this.canvas.ariaLabel = t("picture", { g: parts.count.textContent, a: run.alive[g - 1] ?? 0 });
     if (!this.playing || this.picked >= 0) tellStory(this, parts.story);
@@ -325,7 +325,7 @@ export class Page {
     this.charted = at;
     if (this.curves?.length !== run.generation) this.curves = { length: run.generation, list: curvesOf(run) };
     const over = run.alive.map((_, i) => i + 1);
-    paintGrid(parts.charts, this.curves.list.filter(([word]) => this.lesson?.curves?.includes(word) ?? true).map(([word, unit, lists, names]) => ({ word: t(word), unit, over, lists, names: names.map(t), along: t("timeline"), now: g || null, limit: this.limit })), this.inks);
+    paintGrid(parts.charts, this.curves.list.filter(([word]) => this.lesson?.curves?.includes(word) ?? true).map(([word, unit, lists, names]) => ({ word: t(word), unit, over, lists: lists.map((list) => list.slice(0, read)), names: names.map(t), along: t("timeline"), now: g || null, limit: this.limit })), this.inks);
   }
   /** Where the page stands, at the timeline and the button. */
   tellTime(text) {

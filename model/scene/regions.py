@@ -188,7 +188,7 @@ class Region(_Shaped):
         if np.any(upper < 0.0) or np.any(lower > np.asarray(lattice.extent)):
             raise SceneError(f"{where}: lies outside the array: it {reach_of(shape, lattice)}")
         larger = self.material not in NOT_BODY and much_larger(shape, lattice)
-        if larger and _covers(shape, lattice):
+        if larger and covers(shape, Box((0.0,) * len(lower), tuple(lattice.extent))):
             raise SceneError(f"{where}: holds the whole array: it {reach_of(shape, lattice)}")
         return shape
 
@@ -220,11 +220,12 @@ def much_larger(shape: Shape, lattice: Lattice) -> bool:
     return bool(np.max(upper - lower) > 20.0 * max(lattice.extent))
 
 
-def _covers(shape: Shape, lattice: Lattice) -> bool:
-    """Tell whether a shape holds all of the array, by samples."""
-    steps = [np.linspace(0.0, length, 9)[1:-1] for length in lattice.extent]
+def covers(shape: Shape, other: Shape) -> bool:
+    """Tell whether a shape holds all of another one, by samples."""
+    steps = [np.linspace(*ends, 9)[1:-1] for ends in zip(*other.extent, strict=True)]
     samples = np.stack(np.meshgrid(*steps), axis=-1).reshape(-1, len(steps))
-    return bool(shape.contains(samples).all())
+    samples = samples[other.contains(samples)]
+    return len(samples) > 0 and bool(shape.contains(samples).all())
 
 
 def reach_of(shape: Shape, lattice: Lattice, asked: str = "") -> str:

@@ -31,7 +31,7 @@ from .curves import flattened
 from .description import LONGEST, Body, Description, LoadTable, SideCondition, with_shared
 from .lattice import Cells, Lattice, check_boxes
 from .pictures import Picture, check_size
-from .regions import PIXELS, PathShape, Region, much_larger, reach_of
+from .regions import PIXELS, PathShape, Region, covers, much_larger, reach_of
 from .resolved_body import CellBox, ResolvedBody, check_body, check_outlines, nothing_left, resolve
 from .selection import AppliedLoads, Selection, at_stage, check_gravity, select
 from .shapes import Ball, Polygon, RoundedBox, Shape
@@ -232,7 +232,7 @@ class Scene(Description):
             if filled.kind == cell_types.AIR and _meets_edge(shape, self.lattice):
                 told = reach_of(shape, self.lattice, "is it meant so?")
                 found.append(f"{where}: this hole meets the edge of the body: it {told}")
-        return (*found, *self._overlaps, *self._cut_off)
+        return (*found, *self._overlaps, *self._covered, *self._cut_off)
 
     @property
     def _overlaps(self) -> Iterator[str]:
@@ -250,6 +250,20 @@ class Scene(Description):
         meet = (np.abs(radius[one] - radius[other]) < apart) & (apart < radius[one] + radius[other])
         for a, b in zip(one[meet], other[meet], strict=True):
             yield f"the holes {names[a]!r} and {names[b]!r} overlap: is it meant so?"
+
+    @property
+    def _covered(self) -> Iterator[str]:
+        """Which holes a later region fills, in words."""
+        found = self._resolved.regions
+        every, d = [one.shape.extent for one in found], self.lattice.dimension
+        ends = np.array(every).reshape(len(found), 2, d)
+        for number, hole in enumerate(found):
+            over = (ends[:, 0] <= ends[number, 0]) & (ends[:, 1] >= ends[number, 1])
+            for later in np.flatnonzero(over.all(axis=1)) if hole.kind == cell_types.AIR else ():
+                other = found[later]
+                if later > number and other.kind != hole.kind and covers(other.shape, hole.shape):
+                    told = "covers this hole; what lies on top comes last"
+                    yield f"body.regions.{number}: body.regions.{later} {told}"
 
     @property
     def _cut_off(self) -> Iterator[str]:

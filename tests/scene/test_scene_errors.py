@@ -262,6 +262,7 @@ def test_millimetres_and_gigapascals_are_asked_about():
     for at, idle in ((apart, True), (disk, False)):  # a part of steel where steel is, or in a hole
         notes = wrong.with_region(disk=disk).with_region(disk=at, material="steel").notes
         assert any("material below it" in note for note in notes) == idle
+        assert any("1 covers this hole" in note for note in notes) != idle
     over = disk | {"radius": 20.0, "centre": [60, 24]}
     twice = wrong.with_region(disk=disk).with_region(disk=over)
     assert any("regions.0' and 'body.regions.1' overlap" in note for note in twice.notes)

@@ -482,6 +482,8 @@ function ruleSketch(t, { rule, materials: [{ poissons_ratio: nu }] }, numbers) {
 /** On paper the rule stands in words, too, with all its numbers. */
 function ruleBox(t, scene, numbers) {
   const { rule, materials: [{ poissons_ratio: nu }] } = scene, [a1, a2, a3] = rule.alpha ?? [0.5, 0.5, 0.25];
-  const values = `${Object.entries({ "α₁": a1, "α₂": a2, ...(a3 ? { "α₃": a3 } : {}), ...(rule.beta === 1 ? {} : { "β": rule.beta, "ν": nu }) }).map(([name, v]) => `${name} = ${general(v, 4)}`).join(", ")}${rule.beta === 1 ? "" : `, (1−β)να₁ = ${general((1 - rule.beta) * nu * a1, 4)}`}, γ = ${quantity(rule.threshold, "N")}`;
-  return make("div", { className: "rulebox" }, ruleSketch(t, scene, numbers), make("div", {}, make("h2", { textContent: t("cell") }), make("p", { textContent: `${rule.accumulate ? t("addsUp") : ""}${t("ruleInWords")}${a3 ? t("ruleSides") : ""}${rule.sense ? t("rulePulls") : ""}${rule.beta === 1 ? "" : t("ruleWidens")}` }), make("p", { textContent: values })));
+  const threshold = `γ = ${quantity(rule.threshold, "N")}`, words = `${rule.accumulate ? t("addsUp") : ""}${t("ruleInWords")}${a3 ? t("ruleSides") : ""}${rule.sense ? t("rulePulls") : ""}${rule.beta === 1 ? "" : t("ruleWidens")}`;
+  const values = `${Object.entries({ "α₁": a1, "α₂": a2, ...(a3 ? { "α₃": a3 } : {}), ...(rule.beta === 1 ? {} : { "β": rule.beta, "ν": nu }) }).map(([name, v]) => `${name} = ${general(v, 4)}`).join(", ")}${rule.beta === 1 ? "" : `, (1−β)να₁ = ${general((1 - rule.beta) * nu * a1, 4)}`}, ${threshold}`;
+  const told = numbers ? words.replace(/α([₁₂₃])P/g, (_, n) => `${general([a1, a2, a3]["₁₂₃".indexOf(n)], 3)} P`) : words;
+  return make("div", { className: "rulebox" }, ruleSketch(t, scene, numbers), make("div", {}, make("h2", { textContent: t("cell") }), make("p", { textContent: told }), make("p", { textContent: numbers ? threshold : values })));
 }

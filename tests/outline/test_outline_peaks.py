@@ -109,6 +109,14 @@ def test_one_answer_keeps_a_tolerance_for_several_goals() -> None:
     assert any("GPa along 'hole', at" in note for note in kaju.solve(ring(1e11), 0.3).notes)
 
 
+def test_no_error_is_known_before_the_end_of_a_slim_hole_is_seen() -> None:
+    """Agents that hold all of it see −1, wherever the stress is 101 times the pull."""
+    slim = region(ellipse={"centre": [0.0, 0.0], "radii": [0.02, 1.0]})
+    answer = kaju.solve(plate(slim), tolerance=0.1, goal="hole")
+    assert answer.goals[0].value == pytest.approx(1 + 2 * 50, rel=0.02)
+    assert answer.tolerance_kept == "estimated"
+
+
 @pytest.mark.parametrize("turn", [1.0, -1.0])
 def test_a_pull_and_a_push_alike_are_no_error(turn) -> None:
     """Above and below a hole in the middle of a bent strip one is as large as the other."""

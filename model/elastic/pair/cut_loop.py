@@ -40,6 +40,7 @@ from .loop import PairLoop
 
 MOST_AGENTS = 100_000
 TURN = 0.6  # angle by which a stressed outline may turn in an agent, over the root of the tolerance
+UNSEEN = 1.0  # angle: an agent in which an outline turns by more knows nothing of its stress
 NO_BOUND = "nothing is proved of a stress at a point"
 
 
@@ -240,6 +241,9 @@ class _Peak:
         """Return the error, what each leaf adds to it, and the share of it to aim at."""
         along = HoopStress.along(pair, self._which).counted()
         often = coarse_along(pair, self._tolerance)
+        # Where an agent holds so much of a bend it does not see its stress: no error is known.
+        bends = turn_in(pair.leaves, pair.body.true.regions[self._which].arcs) > UNSEEN
+        often = np.maximum(often, 2 * bends)
         if not len(along.place):
             if not often.any():
                 raise ParameterError(f"goal: no part of the body ends along {self._asked.at!r}")
@@ -255,7 +259,7 @@ class _Peak:
         kept = self._off if self._error <= self._tolerance else 0.0
         # the error is a third of what changed: squares of edges are a fourth
         self._off = max(1.0 / 3.0 * abs(self._value - before), along.apart(at, kind), kept)
-        self._error = self._off / largest
+        self._error = inf if bends.any() else self._off / largest
         size = pair.leaves.size * UNIT
         # elsewhere it may be as large, as all round a pressed bore
         rows = np.flatnonzero(np.abs(values) >= abs(self._value) - 2.0 * self._off)
@@ -266,6 +270,7 @@ class _Peak:
 
     def _aimed(self, part: Floats, often: Ints) -> Judged:
         scale = self._off / self._error if np.isfinite(self._error) and self._error else 1.0
-        goal = Goal(self._asked, (self._value,), self._off, scale, self._no_bound, self._place)
+        off = self._off if np.isfinite(self._error) else inf
+        goal = Goal(self._asked, (self._value,), off, scale, self._no_bound, self._place)
         # A generation aims at a quarter of the peak's error.
         return Judged((goal,), self._error, part, False, AIM**2 * 0.25, often)

@@ -65,7 +65,7 @@ function paintChart(ctx, box, { word, unit, lists, shown, names, over, now, log 
   const first = over[0] ?? 0, reach = over.reduce((most, at) => Math.max(most, at - first), end - first) || 1;
   const [unitAt, prefixAt] = prefixOf(first + reach, axis), [factor, prefix] = prefixOf(Math.max(top, -low), unit), short = (v, digits) => local(String(Number((v / factor).toPrecision(digits))));
   const here = now === null || now === undefined ? -1 : course ? now : now > over.at(-1) + 1e-9 * reach ? -1 : over.findLastIndex((v) => v <= now + 1e-9 * reach), single = lists.length === 1, inkOf = (i) => (single ? inks.rule : [inks.rule, inks.elastic, inks.miss, inks.soft][i % 4]), dashOf = (i) => (i ? [5, 3] : []);
-  const about = `${word}${prefix || unit ? `, ${prefix}${unit}` : ""}${log ? " (log)" : ""}`, told = (v) => (v === undefined ? "" : quantity(Math.abs(v) > 1e-15 * top ? v : 0, unit, Math.max(top, -low)));   // what rounding leaves is nothing
+  const about = `${word}${prefix || unit ? `, ${prefix}${unit}` : ""}${log ? " (log)" : ""}`, told = (v) => (v === undefined ? "" : quantity(Math.abs(v) > 1e-15 * top ? v : 0, unit, Math.abs(v) < 1e-4 * top ? 0 : Math.max(top, -low)));   // what rounding leaves is nothing; what is far below the top has a unit of its own
   const curves = shown.map((list, i) => (single ? { text: list[here] === undefined ? "" : `● ${told(list[here])}`, ink: inks.ink, bold: true } : { text: `${names[i]} ${told(list[here])}`, ink: inkOf(i), dash: dashOf(i) }));
   const head = LINE * paintHead(ctx, box.w, [{ text: about, ink: inks.soft }, ...curves]) + 8;
   const x = LEFT, y = head, w = box.w - LEFT, h = box.h - head - FOOT - (along ? LINE : 0);

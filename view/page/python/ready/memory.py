@@ -2,7 +2,7 @@ from kaju import MaterialAgent, State
 
 
 class Remembering(MaterialAgent):
-    """Hands a load on only if one has come from this direction before."""
+    """Hands loads on until loads of three directions have come to it."""
 
     met = State(0, "directions it has met")
 

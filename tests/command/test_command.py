@@ -78,6 +78,7 @@ def test_what_is_mistyped_is_one_line_and_exit_code_2(kaju, words, message):
     assert names(".") == [], "nothing half-written"
 
 
+@pytest.mark.slow
 def test_the_commands_work_in_their_order(kaju):
     text = (EXAMPLES.parent / "docs" / "commands.md").read_text()
     block = text.partition("## A first session")[2].split("```")[1]

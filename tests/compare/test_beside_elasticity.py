@@ -56,6 +56,7 @@ def scene(tmp_path):
     return path
 
 
+@pytest.mark.slow
 def test_one_command_writes_figures_and_words(scene, tmp_path, study, typed):
     out = tmp_path / "beside"
     words = ("compare", scene, "--out", out, "--resolution", 4, "--fit", 30)

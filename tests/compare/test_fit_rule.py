@@ -29,6 +29,7 @@ def test_the_fitted_rule_is_closer_and_ready_to_use(fit):
     assert fit.before.displacement.misfit == pytest.approx(before, rel=1e-12)
 
 
+@pytest.mark.slow
 def test_coefficients_that_made_the_reference_are_found_again():
     """The reference was made by the rule itself, so the misfit must all but vanish."""
     run = LoadModel(plate(replace(OWN, alpha=(0.3, 0.6, 0.15), beta=0.9))).run()

@@ -41,6 +41,7 @@ def bodies(draw):
 
 @settings(max_examples=25)
 @given(bodies())
+@pytest.mark.slow
 def test_loads_are_borne_add_up_and_work_on_one_another_alike(body):
     codes, materials, sides, (first, second) = body
     away = [(cell, [-f for f in force]) for cell, force in second]

@@ -144,6 +144,7 @@ def test_the_index_shows_every_lesson(tmp_path, chromium, request):
     assert "1 のあと" in cards.nth(1).inner_text()
 
 
+@pytest.mark.slow
 def test_a_guess_is_not_judged_and_what_a_question_looks_at_is_there(opened, tmp_path):
     page = opened(*make_pages.make_lesson(lesson("who-holds-the-load"), tmp_path))
     assert "stands on firm ground" in page.text("aside .flow")

@@ -123,9 +123,8 @@ def test_the_page_is_open_to_everybody(opened, plate, width, dark, language):
     check_every_tab(page, width)
 
 
-@pytest.mark.parametrize(
-    ("width", "dark"), [pytest.param(1280, True, marks=pytest.mark.slow), (420, False)]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize(("width", "dark"), [(1280, True), (420, False)])
 def test_recorded_pages_are_open_to_everybody(opened, tmp_path, width, dark):
     own = LoadModel(Scene(**PLATE), material_agent=Leaky)
     spawned = kaju.SpawningModel(Scene(**PLATE), tolerance=0.3)

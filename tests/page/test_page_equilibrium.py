@@ -59,7 +59,8 @@ def test_loads_beyond_all_bounds_leave_elasticity_its_colours(twin):
         assert most <= high < 10.0 * most
 
 
-@pytest.mark.parametrize("dark", [False, pytest.param(True, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("dark", [False, True])
 def test_both_ways_of_looking_are_open_to_everybody(opened, scene, tmp_path, dark):
     path = kaju.export_page(scene, tmp_path / "plate.html")
     page = opened(path, width=768, dark=dark, language="de-DE")

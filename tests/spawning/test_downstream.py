@@ -39,6 +39,7 @@ def test_spawned_agents_are_judged_by_finite_elements(spawned):
     assert found.displacement.l2_error < 2e-3
 
 
+@pytest.mark.slow
 def test_scene_is_solved_by_spawning_as_the_command_asks(kaju):
     before = Path(PLATE).read_bytes()
     spawning_words = ("--tolerance", "0.1", "--pictures", "all")

@@ -5,6 +5,7 @@ import os
 import subprocess
 import sys
 
+import pytest
 from parsed_sources import HOME, parsed
 
 CODE = {"eval", "exec", "compile", "__import__"}
@@ -60,6 +61,7 @@ print("done")
 """
 
 
+@pytest.mark.slow
 def test_no_network_is_needed(tmp_path):
     (tmp_path / "plate.toml").write_text((HOME / "plate.toml").read_text())
     run = subprocess.run(

@@ -42,6 +42,7 @@ for refused in (
 )
 
 
+@pytest.mark.slow
 def test_agents_answers_pictures_and_pages_need_no_compiler():
     done = subprocess.run(
         [sys.executable, "-W", "ignore", "-c", TAKEN_AWAY], capture_output=True, text=True

@@ -70,6 +70,7 @@ def files(tmp_path, monkeypatch):
     return tmp_path
 
 
+@pytest.mark.slow
 def test_pictures_and_films_of_models_and_files(files, coarse):
     model = LoadModel(BLOCK)
     model.run(2)

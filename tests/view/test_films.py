@@ -48,6 +48,7 @@ def test_the_longest_notes_of_a_film_find_room(run) -> None:
     assert np.min(tops) == 255  # white: nothing reaches the edge
 
 
+@pytest.mark.slow
 def test_there_is_a_frame_before_and_one_for_each_moment(run, tmp_path, coarse) -> None:
     shown = durations(kaju.animate(run, tmp_path / "spawning.gif", fps=4.0, hold=2.0))
     assert shown == [250] * run.last.generations + [2250]

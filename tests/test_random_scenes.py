@@ -15,7 +15,7 @@ import kaju
 
 FAILED = sorted((Path(__file__).parent / "data" / "failed").glob("*.toml"))
 LONG = ["described_tolerance_753", *(f"tolerance_{n}" for n in (2962, 5162, 5219, 732, 8529))]
-LONG += ["true_outlines_44", "true_outlines_166"]
+LONG += ["true_outlines_44", "true_outlines_166", "true_outlines_8"]
 CASES = [
     pytest.param(path, id=path.stem, marks=[pytest.mark.slow] * (path.stem in LONG))
     for path in FAILED

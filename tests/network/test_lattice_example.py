@@ -24,6 +24,7 @@ def test_the_posters_lattices(width, rows, nodes, tip):
     assert len(tips) == 2, "strain is largest at the load"
 
 
+@pytest.mark.slow
 def test_it_writes_what_its_page_lists(tmp_path):
     assert lattice.free_motions(lattice.triangular(5)) == 3
     assert "nothing holds the nodes" in lattice.without_supports()

@@ -139,7 +139,9 @@ def test_an_unknown_picture_is_refused_with_a_suggestion():
         plot(plate().scene, "agents")
 
 
-@pytest.mark.parametrize("scene", [plate_scene(steps=3), CUBE])
+@pytest.mark.parametrize(
+    "scene", [plate_scene(steps=3), pytest.param(CUBE, marks=pytest.mark.slow)]
+)
 def test_plot_all_writes_well_named_pictures(tmp_path, monkeypatch, scene):
     monkeypatch.setattr("kaju.view.style.RESOLUTION", 40)
     result = LoadModel(scene).run()

@@ -50,21 +50,17 @@ def is_stepped(result: ElasticResult) -> bool:
     """Whether curved or slanted outlines are steps of cells, or cut cells that count whole."""
     if result.found.storage == "solid":
         return bool(np.any(result.stiffness < 1.0))
-    lattice, regions = result.grid.lattice, enumerate(result.grid.body.regions)
-    # Pixels lie along the axes.
-    shapes = [
-        region.shape_in(lattice, f"body.regions.{number}")
-        for number, region in regions
-        if region.image is None
-    ]
-    if lattice.dimension == 3:
+    grid = result.grid
+    every = zip(grid.body.regions, grid.region_shapes, strict=True)
+    shapes = [shape for region, shape in every if region.image is None]  # pixels lie along the axes
+    if grid.lattice.dimension == 3:
         if not all(isinstance(shape, Box | ClosedSurface) for shape in shapes):
             return True
         faces = (shape.corners for shape in shapes if isinstance(shape, ClosedSurface))
     else:
         faces = (arcs[..., :2] / arcs[..., 2:] for shape in shapes for arcs in shape.outline())
     slants = [np.ptp(points, axis=1).min(axis=1).max() for points in faces]
-    return max(slants, default=0.0) > ON_EDGE * lattice.cell_size
+    return max(slants, default=0.0) > ON_EDGE * grid.lattice.cell_size
 
 
 LOW = "beside curved edges it may be a third too low"
@@ -166,8 +162,10 @@ def _of_loads(grid: Scene) -> Iterator[str]:
 def _of_bolts(result: ElasticResult) -> Iterator[str]:
     """Say which rigid holes bear couples that bolts do not."""
     assert result.cut_agents is not None
-    names, lever = result.cut_agents.ground.rigid.values(), max(result.scene.lattice.extent)
-    found, least = [(name, result.couples[name]) for name in names], lever * _small(result)
+    if not (names := result.cut_agents.ground.rigid.values()):
+        return
+    least = max(result.scene.lattice.extent) * _small(result)
+    found = [(name, result.couples[name]) for name in names]
     if told := [f"{name!r} {couple:.4g} N·m" for name, couple in found if abs(couple) > least]:
         couples = f"rigid holes bear couples ({', '.join(told)})"
         yield f'{couples}; for bolts, which let the part turn, take material = "pinned"'
@@ -175,8 +173,10 @@ def _of_bolts(result: ElasticResult) -> Iterator[str]:
 
 def _of_blocks(result: ElasticResult) -> Iterator[str]:
     """Say which regions of cells hold the body more than simple supports do."""
-    scene, borne, least = result.scene, result.reactions, _small(result)
-    regions = [region for region in scene.body.regions if holds(region)]
+    scene = result.scene
+    if not (regions := [region for region in scene.body.regions if holds(region)]):
+        return
+    borne, least = result.reactions, _small(result)
     if (unnamed := sum(not region.name for region in regions)) > 1:
         told = "give each a name, by which its own force and couple are told"
         yield f"{unnamed} regions that hold the body are told as one support, {INSIDE!r}: {told}"

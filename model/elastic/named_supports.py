@@ -24,13 +24,12 @@ def support_names(scene: Scene) -> list[str]:
 
 def supports_inside(scene: Scene, cells: Cells) -> Ints:
     """Return which of `support_names` cells inside the array are, if they hold the body."""
-    names, lattice = support_names(scene), scene.lattice
+    names = support_names(scene)
     found = np.full(len(cells), names.index(INSIDE), dtype=np.int64)
     if names[-1] == INSIDE:
         return found
-    centres = lattice.centres(cells)
-    for number, region in enumerate(scene.body.regions):
+    centres = scene.lattice.centres(cells)
+    for region, shape in zip(scene.body.regions, scene.region_shapes, strict=True):
         if holds(region):
-            shape = region.shape_in(lattice, f"body.regions.{number}")
             found[shape.contains(centres)] = names.index(region.name or INSIDE)
     return found

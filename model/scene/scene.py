@@ -172,6 +172,11 @@ class Scene(Description):
         return self._resolved.lattice
 
     @property
+    def region_shapes(self) -> tuple[Shape, ...]:
+        """Shapes of the body's regions, in their order, as they were read."""
+        return tuple(one.shape for one in self._resolved.regions)
+
+    @property
     def plane(self) -> Literal["stress", "strain"] | None:
         """Two-dimensional state; None for cubes."""
         return None if self.lattice.dimension == 3 else self.body.plane or "stress"
@@ -275,15 +280,14 @@ class Scene(Description):
         for number, filled in enumerate(found):
             shape, where = filled.shape, f"body.regions.{number}"
             (low, high), surface = shape.extent, isinstance(shape, ClosedSurface)
-            shaped = surface or isinstance(shape, RoundedBox)
             # Boxes go over the edge to say "all of this side", and disks are halved by symmetry.
-            drawn = isinstance(shape, ClosedSurface | PathShape | Polygon) or _lies_in(shape, size)
+            drawn = surface or isinstance(shape, PathShape | Polygon) or _lies_in(shape, size)
             margin, far = 0.01 * size.max(), much_larger(shape, self.lattice)
-            beyond = np.any((low < -margin) | (high > size + margin))
+            cut = drawn and np.any((low < -margin) | (high > size + margin))
             told = "what lies beyond is cut off" + surface * "; offset = [x, y, z] (m) moves it"
             told = "" if far else told  # the units are asked for
-            hole = filled.kind == cell_types.AIR
-            if not plain[number] and ((drawn and beyond and not hole) or (far and shaped)):
+            asked = far and (surface or isinstance(shape, RoundedBox))
+            if not plain[number] and ((cut and filled.kind != cell_types.AIR) or asked):
                 yield f"{where}: {reach_of(shape, self.lattice, told)}"
 
     @contextmanager

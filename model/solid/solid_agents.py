@@ -50,10 +50,8 @@ class SolidAgents(CellAgents):
 
 def grid_of_solid(scene: Scene, resolution: int) -> tuple[Grid, Floats]:
     """Return the cells of a solid, and what share of each is body, 1 beyond it."""
-    shapes = [
-        (region.shape_in(scene.lattice, f"body.regions.{k}"), region.material not in NOT_BODY)
-        for k, region in enumerate(scene.body.regions)
-    ]
+    adds = [region.material not in NOT_BODY for region in scene.body.regions]
+    shapes = [*zip(scene.region_shapes, adds, strict=True)]
     shape = tuple(resolution * count for count in scene.lattice.shape)
     edge, filled = scene.lattice.cell_size / resolution, scene.body.material not in NOT_BODY
     solid = SolidBody(shape, edge, filled, shapes)

@@ -4,7 +4,7 @@ import { ticksOf } from "./charts.js";
 import { button, draw, icon, inline, labelled, make, MODES, numberOf, rendered, segments, tick } from "./controls.js";
 import { paintCells, paintNumbers, paintPick, View } from "./paint.js";
 import { cardsBox, panelsOf, rulePanel, storyCard, tabList } from "./panels.js";
-import { Twin } from "./rule.js";
+import { sharesOf, Twin } from "./rule.js";
 import { general, local, quantity } from "./words.js";
 
 export const STEPS = ["predict", "step", "explain", "try"];
@@ -465,25 +465,25 @@ function grid({ run: { lattice: L, kinds }, scene }, title, numbers, all) {
 }
 
 /** The rule in one cell, drawn: its shares by name, or as numbers where a question says them so. */
-function ruleSketch(t, { rule, materials: [{ poissons_ratio: nu }] }, numbers) {
-  const [a1, a2, a3] = rule.alpha ?? [0.5, 0.5, 0.25], pushed = (1 - rule.beta) * nu * a1, share = (name, v) => `${numbers ? `${general(v, 3)} ` : name}P`;
+function ruleSketch(t, { rule, materials: [material] }, numbers) {
+  const { own, forward, friction, poisson } = sharesOf(rule, material, 2), share = (name, v) => `${numbers ? `${general(v, 3)} ` : name}P`;
   const svg = draw("svg", { viewBox: "0 3 280 154", width: 280, height: 154, role: "img", "aria-label": t("cell") });
   const word = (x, y, text, anchor = "start") => svg.append(draw("text", { x, y, "text-anchor": anchor, "font-size": 12 }, text));
   const shaft = (d, dashed) => svg.append(draw("path", { d, fill: "none", stroke: "#000", "stroke-width": 1.8, ...(dashed ? { "stroke-dasharray": "3 3" } : {}) }));
   svg.append(draw("rect", { x: 100, y: 50, width: 80, height: 72, fill: "#d5dade", stroke: "#000" }), draw("rect", { x: 100, y: 46, width: 80, height: 80, fill: "none", stroke: "#000", "stroke-dasharray": "3 3" }));
   shaft("M140 4V42M135 34L140 42L145 34"); word(152, 18, `P ${t("comesIn")}`);
-  shaft("M140 126V156M135 148L140 156L145 148"); word(152, 150, `${t("ahead")} ${share("α₂", a2)}`);
-  if (a3) { shaft("M82 66V104M77 96L82 104L87 96"); word(72, 92, share("α₃", a3), "end"); shaft("M198 66V104M193 96L198 104L203 96"); word(210, 92, share("α₃", a3)); }
-  if (rule.beta !== 1) { shaft("M98 56H56M64 51L56 56L64 61", true); word(4, 42, share("(1−β)να₁", pushed)); shaft("M182 56H224M216 51L224 56L216 61", true); word(196, 42, share("(1−β)να₁", pushed)); }
-  word(140, 84, t("keeps"), "middle"); word(140, 102, share("α₁", a1), "middle");
+  shaft("M140 126V156M135 148L140 156L145 148"); word(152, 150, `${t("ahead")} ${share("α₂", forward)}`);
+  if (friction) { shaft("M82 66V104M77 96L82 104L87 96"); word(72, 92, share("α₃", friction), "end"); shaft("M198 66V104M193 96L198 104L203 96"); word(210, 92, share("α₃", friction)); }
+  if (rule.beta !== 1) { shaft("M98 56H56M64 51L56 56L64 61", true); word(4, 42, share("(1−β)να₁", poisson)); shaft("M182 56H224M216 51L224 56L216 61", true); word(196, 42, share("(1−β)να₁", poisson)); }
+  word(140, 84, t("keeps"), "middle"); word(140, 102, share("α₁", own), "middle");
   return svg;
 }
 
 /** On paper the rule stands in words, too, with all its numbers. */
 function ruleBox(t, scene, numbers) {
-  const { rule, materials: [{ poissons_ratio: nu }] } = scene, [a1, a2, a3] = rule.alpha ?? [0.5, 0.5, 0.25];
-  const threshold = `γ = ${quantity(rule.threshold, "N")}`, words = `${rule.accumulate ? t("addsUp") : ""}${t("ruleInWords")}${a3 ? t("ruleSides") : ""}${rule.sense ? t("rulePulls") : ""}${rule.beta === 1 ? "" : t("ruleWidens")}`;
-  const values = `${Object.entries({ "α₁": a1, "α₂": a2, ...(a3 ? { "α₃": a3 } : {}), ...(rule.beta === 1 ? {} : { "β": rule.beta, "ν": nu }) }).map(([name, v]) => `${name} = ${general(v, 4)}`).join(", ")}${rule.beta === 1 ? "" : `, (1−β)να₁ = ${general((1 - rule.beta) * nu * a1, 4)}`}, ${threshold}`;
-  const told = numbers ? words.replace(/α([₁₂₃])P/g, (_, n) => `${general([a1, a2, a3]["₁₂₃".indexOf(n)], 3)} P`) : words;
-  return make("div", { className: "rulebox" }, ruleSketch(t, scene, numbers), make("div", {}, make("h2", { textContent: t("cell") }), make("p", { textContent: told }), make("p", { textContent: numbers ? threshold : values })));
+  const { rule, materials: [material] } = scene, { own, forward, friction, poisson, beta } = sharesOf(rule, material, 2);
+  const threshold = `γ = ${quantity(rule.threshold, "N")}`, words = `${rule.accumulate ? t("addsUp") : ""}${t("ruleInWords")}${friction ? t("ruleSides") : ""}${rule.sense ? t("rulePulls") : ""}${beta === 1 ? "" : t("ruleWidens")}`;
+  const values = Object.entries({ "α₁": own, "α₂": forward, ...(friction ? { "α₃": friction } : {}), ...(beta === 1 ? {} : { "β": beta, "ν": material.poissons_ratio, "(1−β)να₁": poisson }) }).map(([name, v]) => `${name} = ${general(v, 4)}`).join(", ");
+  const told = numbers ? words.replace(/α([₁₂₃])P/g, (_, n) => `${general([own, forward, friction]["₁₂₃".indexOf(n)], 3)} P`) : words;
+  return make("div", { className: "rulebox" }, ruleSketch(t, scene, numbers), make("div", {}, make("h2", { textContent: t("cell") }), make("p", { textContent: told }), make("p", { textContent: numbers ? threshold : `${values}, ${threshold}` })));
 }

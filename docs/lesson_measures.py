@@ -286,11 +286,11 @@ def _round_hole(run: Callable[..., Any]) -> Words:
     def far() -> float:
         """Return the stress of the agent in the upper right corner, in megapascals."""
         at = np.linalg.norm(middle() - width, axis=1).argmin()
-        return float(1e-6 * run().von_mises[at])
+        return float(1e-6 * run().largest_von_mises[at])
 
     def peak(page: str = "") -> float:
         """Return the largest equivalent stress, in megapascals."""
-        return float(1e-6 * run(page).von_mises.max())
+        return float(1e-6 * run(page).largest_von_mises.max())
 
     def hoop(page: str = "") -> NDArray[Any]:
         return run(page).outline_stress("hole")[1]

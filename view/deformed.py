@@ -169,7 +169,7 @@ def draw_deformed(
 
 
 COLOURS = {
-    "von_mises": ("equivalent stress, means of agents", "Pa"),
+    "von_mises": ("equivalent stress,\nlargest of each agent", "Pa"),
     "displacement": ("displacement", "m"),
 }
 """What a deformed answer may be coloured by, with its unit; the usual one first."""
@@ -192,8 +192,10 @@ def plot_deformed(
     check_number("share", share, 1)
     result = settled(result)
     layer = layer_of(result, cut, crop)
-    size = np.linalg.norm(result.displacement, axis=1)
-    tiles = moving_agents(result, layer, size if colour == "displacement" else result.von_mises)
+    values = result.largest_von_mises
+    if colour == "displacement":
+        values = np.linalg.norm(result.displacement, axis=1)
+    tiles = moving_agents(result, layer, values)
     top, beyond = usual_top(tiles.value, tiles.edge)
     picture, magnified = draw_deformed(
         layer,

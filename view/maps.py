@@ -40,7 +40,8 @@ def quantity_of(
 ) -> Quantity:
     """Return a field of a result, or one component of it."""
     if what == "von_mises":
-        return Quantity(result.von_mises, "Von Mises stress", "Pa", signed=False)
+        found = result.von_mises if isinstance(result, TransferResult) else result.largest_von_mises
+        return Quantity(found, "Von Mises stress", "Pa", signed=False)
     if isinstance(result, TransferResult) and what == "taken":
         return Quantity(result.last.taken.sum(axis=1), "Loads taken", "N", False, True)
     names = "xyz"[: result.scene.lattice.dimension]
@@ -97,7 +98,7 @@ def plot_map(
         look = colours_of(shown, squares.value, top)
         drawn = draw_squares(picture.ax, layer, squares, "map", **look)
         extend = ("both" if shown.signed else "max") if beyond else "neither"
-        told = "mean of an agent"  # at a point it may be larger
+        told = "value" if what == "von_mises" else "mean of an agent"  # at a point it may be larger
     else:
         run, extend, told = cast(TransferResult, result), "neither", "value"
         shown = quantity_of(run, what, component)

@@ -144,7 +144,7 @@ def loaded(result: ElasticResult) -> Motion:
     d = result.lower.shape[1]
     places = result.lower[:, None] + result.size[:, None, None] * corner_order(d)
     body = join(places, np.full(d, result.size.min()))
-    values = {"von_mises": ("Pa", result.von_mises), "level": ("", result.level.astype(np.float64))}
+    values = {"von_mises": ("Pa", result.largest_von_mises), "level": ("", 1.0 * result.level)}
     moved = body.moved(result.displacement_near)
     return Motion(
         points=body.points,
@@ -257,7 +257,7 @@ def elastic_answer(result: ElasticResult) -> Motion:
     # Of the agents that stand at the end also how they are stressed and move.
     standing, end = family.standing(count - 1), loaded(result)
     stress = np.full((count, len(family.size)), np.nan)
-    stress[-1, standing] = result.von_mises
+    stress[-1, standing] = result.largest_von_mises
     moved = np.zeros((count, len(family.size), end.parts.shape[1], dimension))
     assert end.moved is not None
     moved[-1, standing] = end.moved[-1][end.parts]

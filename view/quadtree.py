@@ -31,9 +31,9 @@ COLOURS = {
     "level": ("level: how often the largest agent was halved", ""),
     "spawn_step": ("step in which the agent spawned", ""),
     "gap": ("gap between the agent's two opinions", "J"),
-    "fitted": ("equivalent stress of the opinion that fits", "Pa"),
-    "balanced": ("equivalent stress of the opinion that balances", "Pa"),
-    "von_mises": ("equivalent stress, means of agents", "Pa"),
+    "fitted": ("equivalent stress of the opinion that fits,\nmeans of agents", "Pa"),
+    "balanced": ("equivalent stress of the opinion that balances,\nmeans of agents", "Pa"),
+    "von_mises": ("equivalent stress,\nlargest of each agent", "Pa"),
 }
 """What agents can be coloured by, in words, with its unit."""
 COUNTED = ("level", "spawn_step")
@@ -95,7 +95,8 @@ def agents_of(result: ElasticResult, colour: str, generation: int | None = None)
         raise ParameterError("colour: in space agents have one stress only: 'fitted'")
     if generation is None or generation == last:
         own = result.generations[-1] if colour in OPINIONS else result
-        value = np.asarray(getattr(own, colour), dtype=np.float64)
+        name = "largest_von_mises" if colour == "von_mises" else colour
+        value = np.asarray(getattr(own, name), dtype=np.float64)
         return Tiles(result.lower, result.size, value)
     check_number("generation", generation, last)
     family = result.family

@@ -54,9 +54,16 @@ def test_the_largest_stress_of_a_beam_is_that_of_bending_by_its_clamp(cells):
     beam = loaded(cells, down, size=[1.0, 0.05, 0.05][:d], sides={"left": "rigid"})
     wide = 0.05 if d == 3 else beam.thickness
     for tolerance in (0.05, 0.02):
-        found = solve(beam, tolerance=tolerance).largest_stress
-        assert found.value == pytest.approx(100.0 * 0.025 / (wide * 0.05**3 / 12.0), rel=0.06)
+        answer, bent = solve(beam, tolerance=tolerance), 100.0 * 0.025 / (wide * 0.05**3 / 12.0)
+        found = answer.largest_stress
+        assert found.value == pytest.approx(bent, rel=0.06)
         assert found.at[0] <= 0.05
+        # and each agent on top tells the stress at its end towards the clamp
+        x, upper = answer.lower[:, 0], answer.lower[:, d - 1] + answer.size
+        top = (upper > 0.0499) & (x > 0.1) & (x < 0.7)
+        assert top.any()
+        np.testing.assert_allclose(answer.largest_von_mises[top], bent * (1.0 - x[top]), rtol=0.06)
+        assert answer.to_dataframe()["largest_von_mises (Pa)"].max() < 1.7 * bent
 
 
 def test_agents_say_what_points_in_their_middles_say(answer):

@@ -314,7 +314,7 @@ export class Page {
     this.parts.cap.replaceChildren(...(this.told ? [this.told] : [make("b", { textContent: numbers }), numbers && notes ? ` · ${notes}` : notes]));
   }
   /** What a legend says of its scale: in a lesson also that other examples have another. */
-  kindOf({ log, whether }) { return whether ? "" : this.t(log ? "log" : "linear") + (this.lesson?.several && !/density|pull/.test(this.look.colour) ? ` · ${this.t("ownScale")}` : "") + (!this.lesson && this.look.colour === "von_mises" ? ` · ${this.t("means")}` : ""); }
+  kindOf({ log, whether }) { return whether ? "" : this.t(log ? "log" : "linear") + (this.lesson?.several && !/density|pull/.test(this.look.colour) ? ` · ${this.t("ownScale")}` : "") + (!this.lesson && this.look.colour === "von_mises" ? ` · ${this.t("largestOfEach")}` : ""); }
   words() {
     const { run, t, parts, g } = this, done = this.over, seen = this.seen = Math.max(this.seen, g), read = this.lesson && !this.lesson.teacher ? seen : Infinity;   // what a lesson lets read is played first
     this.tellTime(this.limit < run.generation ? t("generationOnly", { g }) : t(done ? "generation" : "running", { g, n: run.generation }));

@@ -162,7 +162,7 @@ EVIDENCE: dict[str, dict[str, Run]] = {
         **{f"fine-whole-{seed}": partial(torn, 0.0, seed=seed, finer=2) for seed in (1, 2, 3)},
     },
     "a-round-hole": {
-        **{f"steps-{n}": partial(holed, 0.01, 0.01, cells=n) for n in (20, 80, 160)},
+        **{f"steps-{n}": partial(holed, 0.01, 0.01, cells=n) for n in (80, 160, 320)},
         "coarse": partial(holed, 0.01, 0.01, tolerance=0.1),
     },
 }

@@ -71,9 +71,8 @@ def _begin(scene: Any) -> tuple[float, list[str]]:
         return 0.0, []
     rough = 0.9 if scene.outlined and scene.lattice.dimension == 2 else None
     answer = solve(scene, rough)
-    return answer.max_displacement, [
-        n for n in answer.caveats if n.startswith(("no limit of stress", "rigid holes", "outlines"))
-    ]
+    further = [n for n in answer.caveats if not n.startswith(("error", "tolerance"))]
+    return answer.max_displacement, further
 
 
 def materials() -> None:

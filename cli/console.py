@@ -51,7 +51,7 @@ MEANINGS = {
     "largest_change": "of a density, in the last step",
     "largest_hoop_stress_Pa": "the largest by amount along that outline; below 0 it is pressed",
     "largest_load_factor": "times the loads of the scene",
-    "largest_stress_Pa": "of corners a cell away from where it has no limit, and of outlines",
+    "largest_stress_Pa": "away from where it has no limit (see notes), and along outlines",
     "load_dropped": "not above γ, so it woke nobody",
     "load_taken": "by all agents; a load counts again in each that passes it on",
     "material_agents": "cells of the body that a load above γ woke",

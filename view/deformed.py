@@ -242,7 +242,11 @@ def stress_text(result: ElasticResult) -> str:
     if name and peaks[name] > 0.95 * found.value:
         return f"{asked}largest stress {quantity(peaks[name], 'Pa')} along {name!r}"
     at = ", ".join(quantity(x, "m") for x in found.at)
-    away = ", a cell away from places without limit" * found.no_limit
+    away = (
+        f", {quantity(found.left_out, 'm')} and more from places without limit"
+        if found.left_out
+        else ""
+    )
     return f"{asked}largest von Mises {quantity(found.value, 'Pa')} at ({at}){away}"
 
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import product
+from math import ceil
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
@@ -58,16 +60,17 @@ MOST_LOOKED_AT = 20_000  # agents whose corners are looked at, those of the larg
 
 
 class LargestStress(NamedTuple):
-    """The largest equivalent (von Mises) stress of an answer, at a corner of an agent.
+    """The largest equivalent (von Mises) stress of an answer.
 
-    All stresses of the agent reach it, for one alone is wild at the corners of thin parts. Corners
-    less than a cell away from where stress has no limit are left out, unless all are. It is no less
-    than the largest along an outline that has a name.
+    It is looked for at the corners of agents, and that far round the places where stress has no
+    limit; nearer ones are left out, unless all are. All stresses of the agent reach it, for one
+    alone is wild at the corners of thin parts. It is no less than the largest along an outline that
+    has a name.
     """
 
     value: float  # Pa
     at: tuple[float, ...]  # m
-    no_limit: bool  # Whether stress has no limit somewhere, a cell or more away
+    left_out: float  # How far (m) round places without a limit it leaves out; 0 if there are none
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -364,18 +367,52 @@ class ElasticResult(BodyResult):
 
     @cached_property
     def largest_stress(self) -> LargestStress:
-        """Largest equivalent stress at a corner of an agent, where it is, and if it has a limit."""
+        """Largest equivalent stress, where it is, and how far from places without a limit."""
         most = np.argsort(-self.von_mises, kind="stable")[:MOST_LOOKED_AT]
         _, points, value = self._at_corners(most)
-        if some := len(self.sharp_corners) > 0:
-            away = nearest(self.sharp_corners, points)[0] > 0.999 * self.scene.lattice.cell_size
-            value *= away | (not (some := bool(away.any())))
+        sharp, left_out = self._left_out
+        if left_out and self.spawned and points.shape[1] == 2:
+            # that far round them, too, for large agents have no corners there
+            ways = np.array([*product((-2.0, -1.0, 0.0, 1.0, 2.0), repeat=2)])
+            ways = ways[np.abs(ways).max(axis=1) == 2.0]
+            ways *= left_out / np.hypot(*ways.T)[:, None]
+            around = (sharp[:, None] + ways).reshape(-1, 2)
+            around, cells = self.located(around[self.holds(around)])
+            told, law = self.found.stresses_at(around, cells), self.found.law_at(around, cells)
+            points, value = (
+                np.concatenate([points, around]),
+                np.append(value, self._least(told, law)),
+            )
+        if left_out:
+            away = nearest(sharp, points)[0] > 0.999 * left_out
+            value *= away | (not away.any())
+            left_out *= away.any()
         # Along outlines it is known better than at the corners there, and in spite of corners near.
         if along := [*self.largest_along(VON_MISES).values()]:
             near = nearest(points, np.array([place for _, place in along]))[1]
             np.maximum.at(value, near, [stress for stress, _ in along])
         at = first_largest(value)
-        return LargestStress(float(value[at]), tuple(points[at].tolist()), some)
+        return LargestStress(float(value[at]), tuple(points[at].tolist()), left_out)
+
+    @property
+    def _left_out(self) -> tuple[Floats, float]:
+        """Places (m) without a limit of stress, and how far round them the largest leaves out.
+
+        A tenth of how thick the body is, but a cell at most: it should hang on the body, not on
+        cells. Equal cells and steps tell no more than a cell away.
+        """
+        lattice, sharp = self.scene.lattice, self.sharp_corners
+        d, h, own = lattice.dimension, lattice.cell_size, self.grid.lattice.cell_size
+        if not len(sharp) or self.stepped:
+            return sharp, h * bool(len(sharp))
+        volume = self.area.sum() if d == 2 else (self.size**3).sum()
+        far = min(0.1 * volume / np.prod(np.sort(lattice.extent)[1:]), h)
+        far = float(far if self.spawned else max(far, own))
+        if d == 3:  # of edges all, not their middles alone
+            steps = (np.arange(n := ceil(2.0 * own / far)) + 0.5) / n - 0.5
+            along = np.rint(2.0 * sharp / own) % 2.0
+            sharp = (sharp[:, None] + own * steps[:, None] * along[:, None]).reshape(-1, d)
+        return sharp, far
 
     @cached_property
     def largest_von_mises(self) -> Floats:
@@ -404,9 +441,13 @@ class ElasticResult(BodyResult):
             points = self.lower[own] + self.size[own, None] * ends
             inside = points + 1e-6 * (self.middle[own] - points)
             told = self.found.stresses_at(inside, np.floor(inside / h).astype(np.int64))
-        law, plane = self.found.law[own], self.scene.plane
-        reached = [equivalent_stress(one, self.found.moduli, law, plane) for one in told]
-        return own, points, self.found.scales.stress * np.min(reached, axis=0)
+        return own, points, self._least(told, self.found.law[own])
+
+    def _least(self, told: tuple[Floats, ...], law: Ints) -> Floats:
+        """Return the equivalent stress (Pa) that all stresses of some points reach."""
+        moduli, plane = self.found.moduli, self.scene.plane
+        reached = [equivalent_stress(one, moduli, law, plane) for one in told]
+        return np.asarray(self.found.scales.stress * np.min(reached, axis=0))
 
     @cached_property
     def sharp_corners(self) -> Floats:

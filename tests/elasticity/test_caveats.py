@@ -23,7 +23,7 @@ def quarter_tube(cells):
 
 def test_steps_are_owned_up_to_and_the_largest_stress_there_is_called_an_artefact():
     result = solve(quarter_tube(32), tolerance=0.05)
-    assert result.largest_stress.no_limit
+    assert result.largest_stress.left_out
     (note,) = [note for note in result.summary()["notes"] if "outlines are steps" in note]
     for said in ("stepped body", "stress at the steps grows", 'outline = "true"'):
         assert said in note
@@ -34,7 +34,7 @@ def test_bodies_along_the_axes_have_no_such_note():
     result = solve(plate([along], side="top", pressure=1e5))
     assert result.caveats == ()
     assert result.summary()["largest_stress_Pa_doubt"] is None
-    assert not result.largest_stress.no_limit
+    assert not result.largest_stress.left_out
     assert result.largest_stress.value == pytest.approx(1e5)
     # Of a single cell between walls all is near to corners without a limit, and is told.
     held = plate(cells=1, sides={"left": "rigid", "right": "rigid"}, side="top", pressure=1e5)
@@ -120,6 +120,21 @@ def test_where_sides_that_meet_are_moved_apart_no_error_is_told():
     answer = solve(Scene(body=body, sides=sides))
     assert answer.error_estimate == np.inf
     assert any("moved apart" in note for note in answer.notes)
+
+
+def test_beds_that_pull_and_loads_that_cancel_are_noted():
+    bed = {"left": "roller", "bottom": {"stiffness": 5e8}}
+    for sides, load, said in (
+        (bed, {"force": [0.0, 500.0]}, "the bed at bottom pulls over about 100% of its length"),
+        (bed, {"force": [0.0, -500.0]}, ""),
+        (GROUND, [{"pressure": 1e5}, {"pressure": -1e5}], "the loads cancel each other"),
+    ):
+        of = [{"side": "top", **one} for one in (load if isinstance(load, list) else [load])]
+        for tolerance in (None, 0.3):
+            notes = solve(plate(sides=sides, cells=4, **of[0]).replace(loads=of), tolerance).notes
+            assert [said in note for note in notes if "bed" in note or "cancel" in note] == (
+                [True] * bool(said)
+            )
 
 
 def box(low, high, material="air"):

@@ -66,6 +66,23 @@ def test_the_largest_stress_of_a_beam_is_that_of_bending_by_its_clamp(cells):
         assert answer.to_dataframe()["largest_von_mises (Pa)"].max() < 1.7 * bent
 
 
+@pytest.mark.parametrize("depth", [(), (1,)])
+def test_the_largest_stress_of_a_short_beam_hardly_depends_on_its_cells(depth):
+    d, wide = 2 + len(depth), [0.1] * len(depth)
+    for k in (1, 2, 4, *[8] * (d == 2)):
+        down = {"side": "right", "force": [0.0, 0.0, -5000.0][-d:]}
+        cells, size = [2 * k, *k * np.array(depth), k], [0.2, *wide, 0.1]
+        beam = loaded(cells, down, size=size, sides={"left": "rigid"})
+        answer = solve(beam, tolerance=0.05)
+        nominal = 5000.0 * 0.2 * 0.05 / ((wide or [beam.thickness])[0] * 0.1**3 / 12.0)
+        assert answer.largest_stress.value == pytest.approx(0.95 * nominal, rel=0.06)
+        assert answer.largest_stress.left_out == pytest.approx(0.01)
+        told = "leaves out 0.01 m round them" + ", and lies there: nearer" * (d == 2)
+        assert told in str(answer.notes)
+        doubt = answer.summary()["largest_stress_Pa_doubt"]
+        assert (doubt or "").startswith("may be off by about") == (d == 3)
+
+
 def test_agents_say_what_points_in_their_middles_say(answer):
     every = slice(None, None, max(1, answer.agents // 50))
     middle, size_there = answer.middle[every], answer.size[every, None]

@@ -279,6 +279,15 @@ def test_the_strength_at_which_nothing_breaks_is_found_by_the_slider(opened, tmp
         assert f", {broken} gebrochen." in page.text("aside .flow")
         assert page.js("page.values('state broken').filter((v) => v === 1).length") == broken
     assert "1 Agent, 1 Generation, 2 N aufgenommen, 1 gebrochen" in page.text("aside .flow")
+    page.tab.get_by_label("Beginne mit").select_option("leaking")  # a load at the foot wins nothing
+    page.until("page.studio.result?.agents === 34")
+    page.js("page.loads.edit(0, {cell: [3, 0], force: [0, -2]})")
+    page.until("!page.due && !page.studio.pending")
+    assert "linker Fuß 2,01 N · Es gilt nur mit Last" in page.text("aside .flow")
+    assert not page.js("page.studio.best")
+    page.tab.get_by_label("Der Agent, in Python").press("End")
+    page.tab.keyboard.type("  # so")
+    assert "noch nicht gestartet. Vorher: 18 Agenten" in page.text("aside .flow")
 
 
 @pytest.mark.slow

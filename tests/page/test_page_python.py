@@ -138,7 +138,7 @@ def test_examples_pasted_unchanged_run_or_name_what_is_missing(opened, pages):
     two = f"{wall}{other}{CLASS}def emissions(self, load): {rows}"
     page = opened(pages["hexagons"])
     check_alike(page, "hexagons", "two classes", two)
-    told = "No load reached a boundary of `Ice`. `Other` did not run: of several classes"
+    told = "No load reached a boundary of Ice. Other did not run: of several classes"
     assert told in page.text("aside")
 
 
@@ -180,7 +180,7 @@ MISTAKES = [  # what comes before, what is written, the line, and words of the s
     (SEND, "rows[0].share = 1", 7, "nimm eine andere: row._replace(share=1)"),
     (TAKE, "load[7]", 7, "so lang ist die Liste nicht"),
     (TAKE, "int('a')", 7, VALUE),
-    (TAKE, "if self.kept = 1: pass", 7, PYTHON),
+    (TAKE, "x = [r for r in [] if r.arm = 1]", 7, "kein Python: invalid syntax; meinst du `==`?"),
     (TAKE, "return self.kept +", 7, PYTHON),
     (TAKE, "x = 1\n          y = 2", 8, INDENT),
     (SEND, "return None", 7, "gab None zurück; nötig ist eine Liste"),

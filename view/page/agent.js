@@ -60,7 +60,8 @@ export function told(t, { error, args = [], line }, code) {
   if (error === "NameError" || error === "UnboundLocalError") return at(t("notKnown", { n: name }) + (NAMES.slice(0, 9).includes(name) ? t("importIt", { n: name }) : mean));
   if (error === "ImportError" || (error === "AttributeError" && /has no attribute/.test(text))) return at(t("hasNo", { a: error === "ImportError" ? "kaju" : text.match(/'([\w.]+)' object/)?.[1] ?? text.match(/'([\w.]+)'/)?.[1] ?? "", n: name }) + mean);
   const word = { IndentationError: "indentation", TabError: "indentation", SyntaxError: "notPython", RecursionError: "recursion", ZeroDivisionError: "zeroDivision", KeyError: "noKey", IndexError: "noIndex", TypeError: "wrongType", ValueError: "wrongValue" }[error];
-  if (word) return at(t(word, { e: text }));
+  const assigned = text === "invalid syntax" && /\b(if|elif|while|and|or|not)\b[^#]*[^=!<>:]=(?!=)/.test(bare(code).split("\n")[n - 1]);
+  if (word) return at(t(word, { e: text }) + (assigned ? t("didYouMean", { n: "==" }) : ""));
   return at(["AgentError", "ParameterError", "KajuError"].includes(error) ? guarded(t, text) : t("wentWrong", { e: `${error}: ${text}` }));
 }
 
@@ -68,7 +69,7 @@ export function told(t, { error, args = [], line }, code) {
 
 export class Workshop {
   constructor(page, { code, needs, values, ready, blob, licence }) {
-    Object.assign(this, { page, code, needs, ready, blob, licence, first: code, words: Object.assign({}, ...Object.values(ready).map((one) => one.words)), parameters: [], names: [], values, begun: values, printed: "", problem: null, active: false, foreign: false, asks: !page.own?.source });
+    Object.assign(this, { page, code, needs, ready, blob, licence, first: code, ran: code, words: Object.assign({}, ...Object.values(ready).map((one) => one.words)), parameters: [], names: [], values, begun: values, printed: "", problem: null, active: false, foreign: false, asks: !page.own?.source });
     globalThis.kaju = { runAgent: (text) => this.run(text) };
     setTimeout(() => this.wake(), 50);
   }
@@ -85,7 +86,7 @@ export class Workshop {
   run(code = this.code, lines = false) {
     if (this.busy) this.drop();
     if (code !== this.code) { this.code = code; if (this.field) { this.field.value = code; this.number(); } }
-    Object.assign(this, { active: true, foreign: false, printed: "", problem: null, again: false, line: 0, shown: 0, retried: lines });
+    Object.assign(this, { active: true, ran: code, foreign: false, printed: "", problem: null, again: false, line: 0, shown: 0, retried: lines });
     const { page } = this, no = refused(code), result = this.pending ?? Promise.withResolvers?.() ?? {};
     if (!result.promise) result.promise = new Promise((resolve) => { result.resolve = resolve; });
     this.pending = result;
@@ -166,7 +167,7 @@ export class Workshop {
   panel() {
     const { page, page: { t } } = this;
     this.field ??= make("textarea", { className: "code", spellcheck: false, autocapitalize: "off", autocomplete: "off", value: this.code,
-      oninput: () => { this.code = this.field.value; this.number(); }, onkeydown: (event) => this.key(event) });
+      oninput: () => { this.code = this.field.value; this.number(); this.say(); }, onkeydown: (event) => this.key(event) });
     this.field.ariaLabel = t("codeField");
     this.gutter ??= make("div", { className: "gutter", ariaHidden: "true" });
     this.number();
@@ -174,13 +175,19 @@ export class Workshop {
     const asks = this.asIs ? [make("p", { className: "soft", textContent: page.say(this.asIs.question) })] : [];
     const bars = this.active ? this.parameters.map((p) => (typeof p.value === "boolean" ? tick(page.say(this.called(p.label)), p.value, (on) => this.turn(p, on))
       : slider(page.say(this.called(p.label)), { value: p.value, min: p.low, max: p.high, step: p.whole ? 1 : roundDown((p.high - p.low) / 500), show: (v) => general(v, 4), t }, (v) => this.turn(p, v)))) : [];
-    const no = refused(this.code), lacks = no ? [no.word] : this.code === this.first ? this.needs : [];
-    const words = this.problem ? this.problem.error : lacks.length ? t("notInPage", { n: lacks.join("`, `") }) : this.foreign ? t("foreign") : this.pending ? t("solving") : this.active && this.result?.agents !== undefined ? this.score() : this.whose ? t("otherAgents", { n: this.whose }) : t("codeHint");
-    const out = this.out = make("p", { className: this.problem ? "verdict bad" : "verdict open", role: "status", textContent: words });
+    this.out = make("p", { role: "status" });
+    this.say();
     const game = make("p", { className: "soft small", textContent: t("challengeIs", { a: general(this.applied(), 3), w: general(0.95 * this.applied(), 3) }) }), score = make("p", { className: "small", role: "status", textContent: this.challenge().filter(Boolean).join(" · ") });
-    return [choose, ...asks, out, ...(this.problem ? [make("p", { className: "soft small", textContent: t("oldPicture") })] : []), ...bars, make("div", { className: "editor" }, this.gutter, this.field),
-      make("div", { className: "tools" }, button(`${t("runCode")} (${/Mac|iP/.test(navigator.platform) ? "⌘ Enter" : t("runKeys")})`, () => { page.goal = null; this.run(); if (this.pending) Object.assign(this.out, { className: "verdict open", textContent: t("solving") }); }, { className: "main" }), button(t("saveAgent"), () => this.save()), button(t("standardRule"), () => this.leave())),
+    return [choose, ...asks, this.out, ...(this.problem ? [make("p", { className: "soft small", textContent: t("oldPicture") })] : []), ...bars, make("div", { className: "editor" }, this.gutter, this.field),
+      make("div", { className: "tools" }, button(`${t("runCode")} (${/Mac|iP/.test(navigator.platform) ? "⌘ Enter" : t("runKeys")})`, () => { page.goal = null; this.run(); this.say(); }, { className: "main" }), button(t("saveAgent"), () => this.save()), button(t("standardRule"), () => this.leave())),
       ...((page.lesson?.step ?? "try") === "try" && this.asks ? [game, score] : []), ...(this.printed ? [make("pre", { className: "printed", tabIndex: 0, textContent: this.printed + (this.shown > PRINTED ? `… ${this.shown}` : "") })] : [])];
+  }
+  /** Say how the run went, or what hinders one; also that the lines are others by now. */
+  say() {
+    const { page: { t }, code, problem, foreign } = this, no = refused(code), lacks = no ? [no.word] : code === this.first ? this.needs : [], score = this.active && this.result?.agents !== undefined && this.score();
+    const words = problem ? problem.error : code !== this.ran && !foreign ? (score ? `${t("notRun")} ${score}` : t("codeHint")) : lacks.length ? t("notInPage", { n: lacks.join("`, `") }) : foreign ? t("foreign") : this.pending ? t("solving") : score || t(...(this.whose ? ["otherAgents", { n: this.whose }] : ["codeHint"]));
+    this.out.className = problem ? "verdict bad" : "verdict open";
+    this.out.replaceChildren(...words.split("`").map((part, n) => (n % 2 ? make("code", { textContent: part }) : part)));
   }
   score() {
     const { page, page: { t, run } } = this, { agents, generations, taken, air, ground, rollers, lost, idle, grew, recorded } = this.result, n = (x) => general(x, 4);
@@ -190,11 +197,11 @@ export class Workshop {
   }
   /** The challenge: with five lines most of the load to the left foot, nearly all of it to the ground. The header has the score, [1] says why it does not count. */
   challenge() {
-    const { page: { t }, result, code } = this, n = (x) => general(x, 3), least = 0.95 * this.applied(), foot = this.foot(), ran = this.active && result?.agents;
+    const { page, page: { t }, result, ran: code } = this, n = (x) => general(x, 3), put = this.applied(), least = 0.95 * put, foot = this.foot(), over = this.active && !this.pending && !page.due && result?.agents;
     const lines = bare(code).split("\n").filter((line) => line.trim() && !/^\s*(from|import|class|def|@)/.test(line)).length;
-    const why = !ran ? "" : lines > LINES ? t("tooLong", { n: lines }) : result.ground < least ? t("tooLittle", { r: n(result.ground), w: n(least) }) : "";
-    if (ran && !why) this.best = Math.max(foot, this.best ?? 0);
-    return [[ran && foot > 0 && t("leftFoot", { f: n(foot) }), this.best && t("classBest", { b: n(this.best) })].filter(Boolean).join(" · "), why];
+    const why = !over ? "" : lines > LINES ? t("tooLong", { n: lines }) : !page.isAs(page.start) ? t("otherBody") : result.ground < least || result.ground > 1.002 * put ? t("groundGot", { r: n(result.ground), w: n(least), a: n(put) }) : "";
+    if (over && !why) this.best = Math.max(foot, this.best ?? 0);
+    return [[over && foot > 0 && t("leftFoot", { f: n(foot) }), this.best && t("classBest", { b: n(this.best) })].filter(Boolean).join(" · "), why];
   }
   /** All that is applied (N). */
   applied() { const { scene, run, stage } = this.page; return appliedLoads(scene, run.lattice, run.kinds, stage).reduce((sum, [, , load]) => sum + load, 0); }

@@ -21,7 +21,7 @@ export class Page {
   constructor(element, header) {
     const { kind, title = "", text = "", verdict = "", stable = true, language, lesson, own = null } = header;
     const asked = this.asked = new URLSearchParams(location.hash.slice(1));
-    Object.assign(this, { kind, title, text, own, tab: "", pen: "look", picked: -1, g: 0, changed: false, factor: 1, material: "",
+    Object.assign(this, { kind, title, text, own, tab: "", pen: "look", picked: -1, g: 0, factor: 1, material: "",
       given: { verdict, stable }, elastic: { answer: null, why: "" }, parts: {}, presets: [], sheet: 1 });
     const known = (list) => list.map((l) => l?.slice(0, 2)).find((l) => l in LANGUAGES);
     this.language = known([asked.get("lang"), language, chosenLanguage(lesson && asked.get("lang")), ...(navigator.languages ?? [])]) ?? "en";
@@ -74,6 +74,9 @@ export class Page {
   word(key) { return key.startsWith("state ") ? this.say(this.run.states.find(([name]) => `state ${name}` === key)?.[1] ?? "") : this.t(key); }
   get stages() { return this.touchable ? this.scene.stages : 1; }
   get deformable() { return this.scene.rule.kind === "prescribed"; }
+  /** Whether the body, its loads and its rule are those of a preset. */
+  isAs({ scene, cells = this.start.cells }) { return JSON.stringify(scene) === JSON.stringify(this.scene) && cells.every((c, i) => c === this.cells[i]); }
+  get changed() { return this.touchable && !this.presets.some((preset) => this.isAs(preset)); }
   get colours() { return ["taken", "now", "spawn", ...(this.deformable ? ["kept", "stress", "move"] : []), ...(this.run.states ?? []).map(([name]) => `state ${name}`)]; }
   /** The page answers with elasticity for squares. */
   get solvable() { return this.scene?.lattice.kind === "square"; }
@@ -105,7 +108,6 @@ export class Page {
   /** Change the scene: the certificate says at once what is known; the run follows when that is painted. */
   change(edit) {
     edit();
-    this.changed = true;
     this.certify();
     this.header();
     this.past?.note();
@@ -129,7 +131,6 @@ export class Page {
     if (this.look.mode === "cell") this.look.mode = this.lesson?.home ?? "body";   // that cell is of another body
     if (look) Object.assign(this.look, look);
     this.change(() => {});
-    this.changed = !this.presets.some((preset) => preset.scene === scene);
     this.renew(generation ?? (this.lesson ? 0 : Infinity));
     this.rebuild();
     this.plays = plays;                          // once all of it is known
@@ -188,6 +189,8 @@ export class Page {
     this.goTo(g);
     this.later();
   }
+  /** Stop at a generation that a reader asks for. */
+  stop(g) { this.playing = false; this.seek(g); }
   /** Whether Play goes no further from here. */
   get ended() { return this.g >= this.limit || (this.g >= this.run.generation && this.over); }
   toggle(on = !this.playing) {
@@ -377,8 +380,7 @@ export class Page {
   get whose() { return [...(this.own && this.touchable ? [] : [this.t(this.changed ? "changed" : this.kind)]), ...(this.own ? [this.studio?.asIs ? this.t("readyAgent", { n: this.say(this.studio.asIs.name) }) : this.t("ownAgents", { n: this.own.names.join(", ") })] : [])].join(" · "); }
   header() {
     this.parts.mode.textContent = this.whose;
-    const scene = JSON.stringify(this.scene), same = (preset) => JSON.stringify(preset.scene) === scene && (preset.cells ?? this.start.cells).every((c, i) => c === this.cells[i]);
-    this.parts.presets?.forEach((b, n) => { b.ariaPressed = String(same(this.presets[n])); });
+    this.parts.presets?.forEach((b, n) => { b.ariaPressed = String(this.isAs(this.presets[n])); });
   }
   speak(language) { chosenLanguage(this.language = language); this.t = say(language); this.rebuild(); this.header(); }
   dress(dark) {
@@ -460,7 +462,7 @@ export class Page {
     if (open && this.look.mode === "body" && this.run.kinds[k] >= 0 && offered(this).some((mode) => mode.name === "cell")) this.setMode("cell");
     this.later();
   }
-  seekChart(event) { this.seek(Math.round(1 + partOf(event) * (this.run.generation - 1))); }
+  seekChart(event) { this.stop(Math.round(1 + partOf(event) * (this.run.generation - 1))); }
   key(event) {
     const target = event.composedPath()[0], typing = target.matches?.("input, select, textarea, [role=tab]");
     if ((event.ctrlKey || event.metaKey) && event.key.toLowerCase() === "z" && !target.matches?.("input[type=text], textarea")) {
@@ -480,7 +482,7 @@ export class Page {
       if (mode) { if (this.mode !== mode) this.setMode(mode.name); mode.called?.(this); return; }
     }
     const jump = { ArrowLeft: this.g - 1, ArrowRight: this.g + 1, Home: 0, End: Infinity, ",": this.g - 1, ".": this.g + 1 }[event.key];
-    if (jump !== undefined) { this.seek(jump); event.preventDefault(); }
+    if (jump !== undefined) { this.stop(jump); event.preventDefault(); }
   }
   walk(event) {                                // arrows on the picture go from cell to cell
     const { lattice: L } = this.run, way = { ArrowLeft: [0, -1], ArrowRight: [0, 1], ArrowDown: [1, -1], ArrowUp: [1, 1], PageDown: [2, -1], PageUp: [2, 1] }[event.key];

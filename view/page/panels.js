@@ -45,13 +45,13 @@ export function buildBar(page) {
 export function buildFooter(page) {
   const { t, parts } = page;
   parts.play = make("button", { type: "button", className: "play main", onclick: () => page.toggle() });
-  parts.time = make("input", { type: "range", min: 0, step: 1, ariaLabel: t(page.along ? { s: "time" }[page.along] ?? `along_${page.along}` : "timeline"), oninput: () => page.seek(Number(parts.time.value)) });
+  parts.time = make("input", { type: "range", min: 0, step: 1, ariaLabel: t(page.along ? { s: "time" }[page.along] ?? `along_${page.along}` : "timeline"), oninput: () => page.stop(Number(parts.time.value)) });
   parts.marks = make("div", { className: "marks", ariaHidden: "true" });
   parts.count = make("span", { className: "count" });
   const stages = page.stages > 1 ? [picker(t("stage"), page.stage, Array.from({ length: page.stages }, (_, i) => [i + 1, t("stageOf", { n: i + 1, m: page.stages })]), (n) => page.change(() => { page.stage = Number(n); }))] : [];
   parts.speed = Object.assign(picker(t("speed"), page.look.speed, [1, 2, 4, 8, 15, 30, 60].map((n) => [n, t("perSecond", { n })]), (n) => { page.look.speed = Number(n); page.timed = true; }), { className: "end" });
-  return make("footer", {}, iconButton("first", t("first"), () => page.seek(0), { className: "icon end" }), iconButton("back", t("back"), () => page.seek(page.g - 1)),
-    parts.play, iconButton("step", t("step"), () => page.seek(page.g + 1)), iconButton("last", t("last"), () => page.seek(Infinity), { className: "icon end" }),
+  return make("footer", {}, iconButton("first", t("first"), () => page.stop(0), { className: "icon end" }), iconButton("back", t("back"), () => page.stop(page.g - 1)),
+    parts.play, iconButton("step", t("step"), () => page.stop(page.g + 1)), iconButton("last", t("last"), () => page.stop(Infinity), { className: "icon end" }),
     make("span", { className: "line" }, parts.time, parts.marks), parts.count, ...stages, parts.speed);
 }
 

@@ -311,9 +311,6 @@ def _round_hole(run: Callable[..., Any]) -> Words:
         ),
         "near": lambda: 100.0 * float((np.linalg.norm(middle(), axis=1) < 3.0 * radius).mean()),
         "ground": lambda: 0.25 * np.pi * (9 - 1) * radius**2 / width**2,
-        "rising": lambda: bool(
-            (np.diff([peak(f"steps{n}") for n in ("", "-80", "-160", "-320")]) > 2.0).all()
-        ),
         "at_the_top": at_the_top,
     }
 

@@ -88,7 +88,7 @@ def torn(half: float, scatter: float = 0.1, seed: int = 0, finer: int = 1) -> An
     return kaju.FractureModel(pulled(slit, displacement=1e-3), scatter=scatter, seed=seed).run()
 
 
-def holed(across: float, along: float, cells: int = 0, tolerance: float = 0.003) -> Any:
+def holed(across: float, along: float, cells: int = 0, tolerance: float | None = 0.003) -> Any:
     """Pull a quarter of a plate with an elliptical hole: as it is, or as steps of so many cells."""
     hole = {"ellipse": {"centre": [0.0, 0.0], "radii": [along, across]}, "material": "air"}
     outline = "cells" if cells else "true"
@@ -103,7 +103,7 @@ def holed(across: float, along: float, cells: int = 0, tolerance: float = 0.003)
         sides={"left": "roller", "bottom": "roller"},
         loads=[{"side": "right", "force": [2000.0, 0.0]}],
     )
-    return kaju.solve(scene, None if cells else tolerance)
+    return kaju.solve(scene, tolerance)
 
 
 PAGES: dict[str, dict[str, Run]] = {
@@ -148,7 +148,8 @@ PAGES: dict[str, dict[str, Run]] = {
         "": partial(holed, 0.01, 0.01),
         "upright": partial(holed, 0.015, 0.005),
         "lying": partial(holed, 0.005, 0.015),
-        "steps": partial(holed, 0.01, 0.01, cells=40),
+        "steps": partial(holed, 0.01, 0.01, cells=40, tolerance=None),
+        "steps-fine": partial(holed, 0.01, 0.01, cells=40, tolerance=0.005),
     },
 }
 """What is shown, by lesson and page; the nameless page is the lesson's own."""
@@ -162,7 +163,10 @@ EVIDENCE: dict[str, dict[str, Run]] = {
         **{f"fine-whole-{seed}": partial(torn, 0.0, seed=seed, finer=2) for seed in (1, 2, 3)},
     },
     "a-round-hole": {
-        **{f"steps-{n}": partial(holed, 0.01, 0.01, cells=n) for n in (80, 160, 320)},
+        "steps-larger": partial(holed, 0.01, 0.01, cells=40, tolerance=0.01),
+        "steps-tiny": partial(holed, 0.01, 0.01, cells=40, tolerance=0.002),
+        "fewer": partial(holed, 0.01, 0.01, tolerance=0.02),
+        "more": partial(holed, 0.01, 0.01, tolerance=0.001),
         "coarse": partial(holed, 0.01, 0.01, tolerance=0.1),
     },
 }

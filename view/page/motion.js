@@ -241,17 +241,18 @@ export class MotionPage extends Page {
     this.tellTime(`${this.way} ${along === "s" ? `${general(at[g], 4)} s` : shares ? quantity(at[g], "") : t("moment", { g: general(at[g], 4), n: general(at.at(-1), 4) })}`);
     this.parts.verdict.hidden = !this.outcome || (this.along === "share" || (this.lesson && (this.born || this.along === "step")) ? this.lesson : g < run.generation) || this.limit < run.generation;   // how it ended is told at the end, but no lesson's number
     this.tell(); this.drawCurves();
+    if (this.canvas.clientWidth !== this.view.w) this.later();   // charts that have gone leave room, which no observer sees
   }
   /** What a run goes along, in a word: time, breaks, shares of the load ... */
   get way() { const { t, along, at } = this; return along === "s" ? t("time") : t(`along_${along === "stage" && at.at(-1) <= 1 && at.length > 2 ? "share" : along}`); }
   tell() {
     const { picked, parts, t } = this, rod = this.lesson && this.along === "s" && this.corners === 2 ? [rodOf(this)] : [];
-    if (picked < 0 || !this.there(picked)) { parts.story.replaceChildren(...rod, make("p", { textContent: t(rod.length ? "rodDrawn" : this.corners === 2 ? (this.along === "s" ? "pickRod" : "pickSpring") : this.born ? "pickAgent" : "pickPart") })); return; }
+    if (picked < 0 || !this.there(picked)) { parts.story.replaceChildren(...rod, make("p", { textContent: t(rod.length ? "rodDrawn" : this.corners === 2 ? (this.along === "s" ? "pickRod" : "pickSpring") : this.fields.level ? "pickAgent" : "pickPart") })); return; }
     const row = (name) => [make("dt", { textContent: this.word(name) }), make("dd", {}, make("data", { value: String(this.value(picked, name)), textContent: this.read(name) }))];
     const known = (name) => (name === "move" && this.born ? this.moved[this.g].some(Boolean) : !Number.isNaN(this.value(picked, name)));   // generations before the last tell less
     const rows = (this.lesson && this.born ? [this.look.colour] : this.colours).filter(known).flatMap((name) => row(name));
     if (this.born && !this.fields.spawn_step) rows.push(make("dt", { textContent: t("woken") }), make("dd", {}, `${t(`along_${this.along}`)} `, make("data", { value: String(this.born[picked]), textContent: String(this.born[picked]) })));
-    parts.story.replaceChildren(make("b", { textContent: this.born ? `${t("agent")} ${picked}` : t(this.corners > 2 ? "part" : this.along === "s" ? "rod" : "spring", { n: picked }) }), ...rod, make("dl", {}, ...rows));
+    parts.story.replaceChildren(make("b", { textContent: this.born || this.fields.level ? `${t("agent")} ${picked}` : t(this.corners > 2 ? "part" : this.along === "s" ? "rod" : "spring", { n: picked }) }), ...rod, make("dl", {}, ...rows));
   }
   drawCurves() {
     const { parts: { charts: box }, curveList, inks, at, g, t } = this, named = (of) => of.split(": ").map((part) => t(`curve_${part}`, { otherwise: part })).join(": ");

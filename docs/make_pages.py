@@ -40,6 +40,9 @@ class Mine(MaterialAgent):
 """
 
 
+GUESS = {"en": "Your guess", "de": "Deine Vermutung", "ja": "あなたの予想"}
+
+
 def page_lesson(of: Lesson) -> dict[str, Any]:
     """Return what a page is told of a lesson: its questions, in all languages."""
     return {
@@ -72,9 +75,9 @@ def _page_question(of: Lesson, number: int) -> dict[str, Any]:
         "answer": {k: text.answers[number] for k, text in of.texts.items()},
         "show": kind.get("show", {}) | {"preset": kind.get("preset", 0)},
     }
-    told |= {
-        name: kind[name] for name in ("until", "lines", "draws", "recalls", "first") if name in kind
-    }
+    told |= {name: kind[name] for name in ("until", "lines", "draws", "recalls") if name in kind}
+    if kind.get("first"):
+        told["guess"] = {"key": f"{kind['key']}-guess", "kind": "text", "lines": 1, "write": GUESS}
     if not of.scenes:
         told["pages"] = pages_of(of, number)
     if "answers" in kind:

@@ -239,13 +239,17 @@ def test_a_drawing_is_a_guess_and_a_number_rounded_well_is_nearly_right(opened, 
     page.js("(page.lesson.go(2), page.load(page.presets[2]), page.seek(1e9), page.rebuild())")
     assert page.js("page.shownAt(page.run.lattice.key([15, 0]))") == ["asleep"]
     order = "[...page.root.querySelectorAll('aside .fields, aside textarea')].map((e) => e.tagName)"
-    assert page.js(order) == ["TEXTAREA", "DIV"]  # who guesses first writes first
+    assert page.js(order) == ["TEXTAREA", "DIV", "TEXTAREA"]  # a guess stays, a finding is apart
     page.tab.locator("canvas").first.focus()
     page.tab.keyboard.press("c")  # no question asks for cuts: no key leads there
     assert page.js("(page.lesson.go(3), page.look.mode)") == "body"
     page.js("page.lesson.next.go()")
     assert page.text("aside .flow").count("is still open") == 4  # the guess waits for all
-    page.js("(page.lesson.questions.map(q => page.lesson.answer(q, [...'abcde'])), page.rebuild())")
+    all_of = "page.lesson.questions.flatMap((q) => (q.guess ? [q.guess, q] : [q]))"
+    page.js(f"({all_of}.map((q) => page.lesson.answer(q, [...'abcde'])), page.rebuild())")
+    assert page.text("aside .flow").count("Your guess: a · b · c · d · e\n") == 2
+    drawn = "(({ width, height }) => height / width)(page.unmarked(page.presets[1], true))"
+    assert page.js(drawn) > 1  # a wall wider than high, and a strip for what the ground takes
     assert re.search(r"a · b · c · d · e\n+Less below.*with it\.\n+2\. ", page.text("aside .flow"))
     right = page.js(
         "page.lesson.go(1), page.lesson.question.fields.map((field) => String(field.answer))"

@@ -55,7 +55,7 @@ function paintHead(ctx, room, words) {
 }
 
 /** One chart: above it its name and unit, and of every curve its name and present number; below axes with ticks and the name of the one `along` which curves go, a line or bars each, the present as a dot. */
-function paintChart(ctx, box, { word, unit, lists, shown, names, over, now, log = false, course = false, bars = false, axis = "", along = "", end = 0 }, inks) {
+function paintChart(ctx, box, { word, unit, lists, shown, names, over, now, colours, log = false, course = false, bars = false, axis = "", along = "", end = 0 }, inks) {
   let top = 0, low = log ? Infinity : 0;
   for (const list of lists) for (const v of list) { if (v > top) top = v; if (v < low && (!log || v > 0)) low = v; }
   if (log) low = low < top ? low * (low / top) ** 0.08 : top / 10 || 0.1;   // no curve lies on the axis
@@ -64,7 +64,7 @@ function paintChart(ctx, box, { word, unit, lists, shown, names, over, now, log 
   if (!(top > low)) top = low + 1;
   const first = over[0] ?? 0, reach = over.reduce((most, at) => Math.max(most, at - first), end - first) || 1;
   const [unitAt, prefixAt] = prefixOf(first + reach, axis), [factor, prefix] = prefixOf(Math.max(top, -low), unit), short = (v, digits) => local(String(Number((v / factor).toPrecision(digits))));
-  const here = now === null || now === undefined ? -1 : course ? now : now > over.at(-1) + 1e-9 * reach ? -1 : over.findLastIndex((v) => v <= now + 1e-9 * reach), single = lists.length === 1, inkOf = (i) => (single ? inks.rule : [inks.rule, inks.elastic, inks.miss, inks.soft][i % 4]), dashOf = (i) => (i ? [5, 3] : []);
+  const here = now === null || now === undefined ? -1 : course ? now : now > over.at(-1) + 1e-9 * reach ? -1 : over.findLastIndex((v) => v <= now + 1e-9 * reach), single = lists.length === 1, inkOf = (i) => (colours ?? [inks.rule, inks.elastic, inks.miss, inks.soft])[i % 4], dashOf = (i) => (i ? [5, 3] : []);
   const about = `${word}${prefix || unit ? `, ${prefix}${unit}` : ""}${log ? " (log)" : ""}`, told = (v) => (v === undefined ? "" : quantity(Math.abs(v) > 1e-15 * top ? v : 0, unit, Math.abs(v) < 1e-4 * top ? 0 : Math.max(top, -low)));   // what rounding leaves is nothing; what is far below the top has a unit of its own
   const curves = shown.map((list, i) => (single ? { text: list[here] === undefined ? "" : `● ${told(list[here])}`, ink: inks.ink, bold: true } : { text: `${names[i]} ${told(list[here])}`, ink: inkOf(i), dash: dashOf(i) }));
   const head = LINE * paintHead(ctx, box.w, [{ text: about, ink: inks.soft }, ...curves]) + 8;

@@ -49,7 +49,7 @@ export class Lesson {
     const { page, page: { t } } = this, given = [this.answers[q.key] ?? ""].flat(), ticked = Object.values(this.guesses[q.key] ?? {});
     if (q.kind === "cells") return Array.from({ length: q.until }, (_, i) => i + 1).filter((g) => !ticked.includes(g)).map((g) => t("generationOnly", { g }));
     const words = q.kind === "number" && !q.lines ? [] : [page.say(q.write) || t("yourAnswer")];
-    return [...(q.fields ?? []).map(({ label }) => page.say(label)), ...words].filter((_, i) => !given[i]?.trim());
+    return [...(q.guess ? this.missing(q.guess) : []), ...[...(q.fields ?? []).map(({ label }) => page.say(label)), ...words].filter((_, i) => !given[i]?.trim())];
   }
   answered(q) { return !this.missing(q).length; }
   /** Whether a guess has been made; of cells a part is enough for who was told what is open, or has seen what happened. */
@@ -183,7 +183,7 @@ export class Lesson {
 const numberIn = (typed, unit, text = typed.replace(/^[^=]*=|^\s*\p{L}{3,}\s+|^\s*[^\x00-\x7f]+(?=\d)/u, ""), [, a, b] = (!(unit && /[%％]/.test(text)) && text.replaceAll(",", ".").match(/^\s*([\d.]+)\s*(?:[/⁄:]\s*([\d.]+)|[%％])\s*$/)) || []) => (a ? a / (b ?? 100) : numberOf(unit ? text.replace(/newtons?$/i, "N").replace(/N\/mm[²2]$/, "MPa") : text.trim().replace(/(\d)\s*(\p{L}{3,}|[^\x00-\x7f]+)$/u, "$1"), unit));
 const isRight = ({ answer, tolerance = 0 }, v) => Math.abs(v - answer) <= tolerance * (1 + 1e-9) + 1e-12 * Math.abs(answer);
 /** Whether a question may be answered by a drawing on paper. */
-const mayDraw = (q) => q.draws && q.kind === "text";
+const mayDraw = (q) => q.draws && q.kind === "text", drawsBody = (q) => mayDraw(q) && q.draws !== "paper";
 
 /** The body with a guess, with what happened, or both: marks differ in form, never in colour alone. */
 function paintGuess(lesson, view, g, inks, what) {
@@ -299,7 +299,7 @@ function questionCards(lesson, q) {
   lesson.judges = [];
   if (q.kind === "number") {
     const words = q.lines ? textCard(lesson, q, q.fields.length) : [], numbers = make("div", { className: q.fields.length % 2 || q.fields.length > 6 ? "fields" : "fields pairs" }, ...q.fields.map((field, i) => numberCard(lesson, q, field, i)));
-    list.push(...(q.first ? [...words, numbers] : [numbers, ...words]), lesson.saved);
+    list.push(...(q.guess ? textCard(lesson, q.guess) : []), numbers, ...words, lesson.saved);
   }
   else list.push(...(q.kind === "cells" && lesson.shown === "guess" ? [] : textCard(lesson, q)), lesson.saved);   // nothing surprises before it is seen
   if (lesson.fixed) list.push(button(t("changeGuess"), () => { lesson.done = lesson.done.filter((step) => step !== q.step); page.seek(q.until ?? 0); page.rebuild(); }, { className: "small" }));
@@ -311,7 +311,7 @@ function questionCards(lesson, q) {
 /** In the end, to each question: what was written, and below it what there was to see. An open one shows nothing, a guess waits for all. */
 function endCards(lesson) {
   const { page, page: { t }, questions } = lesson, open = (list) => list.find((q) => !lesson.answered(q));
-  const own = (q) => (lesson.own(q) ? [make("p", {}, `${t("yourAnswer")}: `, make("em", { textContent: lesson.own(q) }))] : []);
+  const own = (q) => [q.guess, q].filter((one) => one && lesson.own(one)).map((one) => make("p", {}, `${one === q ? t("yourAnswer") : page.say(q.guess.write)}: `, make("em", { textContent: lesson.own(one) })));
   const card = (q, waits) => own(q).concat(q.kind === "cells" && !waits ? answerOf(page, q, true)[0] : [], waits ? button(t("openQuestion", { n: questions.indexOf(waits) + 1 }), () => lesson.visit(questions.indexOf(waits))) : rendered(page.say(q.answer ?? "").split("\n\n")[0]));   // what follows is for the teacher
   return [make("h2", { className: "question", textContent: t("thereWas") }), make("p", { textContent: t("compareHow") }),
     ...questions.map((q, n) => make("section", { className: "card" }, make("h3", {}, `${n + 1}. `, ...inline(page.say(q.question))), ...card(q, open(q.step === "predict" ? questions : [q]))))];
@@ -394,13 +394,16 @@ function paperOf(page) {
   const { lesson, t } = page, line = (word, size) => make("span", {}, `${word} `, make("i", { className: `blank ${size}` }));
   const head = make("div", { className: "top" }, make("div", {}, make("h1", { textContent: page.say(lesson.title) }), make("p", { textContent: [t("worksheet"), lesson.minutes && t("minutes", { t: lesson.minutes }), loadWords(page.start)].filter(Boolean).join(" · ") })),
     make("div", { className: "who" }, line(t("name"), "long"), make("div", {}, line(t("course"), "short"), " ", line(t("date"), "short"))));
-  const questions = lesson.questions.map((q, i) => make("section", {}, make("b", { className: "number", textContent: i + 1 }),
-    make("div", { className: "asked" }, make("p", {}, make("span", {}, ...inline(page.say(q.question))), make("small", { textContent: q.minutes ? t("minutes", { t: q.minutes }) : "" })), ...(q.note ? [rendered(page.say(q.note))] : []), ...answerOf(page, q))));
+  const questions = lesson.questions.flatMap((q, i) => {
+    const drawing = drawsBody(q) ? [bodyOf(page, q)] : [], wide = drawing[0]?.classList.contains("wide");
+    return [...(wide ? [] : drawing), make("section", {}, make("b", { className: "number", textContent: i + 1 }),
+      make("div", { className: "asked" }, make("p", {}, make("span", {}, ...inline(page.say(q.question))), make("small", { textContent: q.minutes ? t("minutes", { t: q.minutes }) : "" })), ...(q.note ? [rendered(page.say(q.note))] : []), ...(wide ? drawing : []), ...answerOf(page, q)))];
+  });
   const foot = make("div", { className: "bottom" }, make("span", { textContent: `kaju · ${page.say(lesson.title)}` }), make("span", { textContent: lesson.kept ? t("asSaved", { d: new Date().toLocaleDateString(page.language, { dateStyle: "long" }) }) : "" }));
   const answers = lesson.teacher ? [make("div", { className: "teachers" }, make("h1", { textContent: `${t("answers")}: ${page.say(lesson.title)}` }),
     ...(lesson.notes ? [rendered(page.say(lesson.notes))] : []),
     ...lesson.questions.map((q, i) => make("section", {}, make("b", { className: "number", textContent: i + 1 }), make("div", { className: "asked" }, ...solution(page, q)))))] : [];
-  return [head, ...(lesson.intro ? [rendered(page.say(lesson.intro))] : []), ...(page.start?.scene.rule?.kind === "prescribed" ? [ruleBox(t, (page.presets[lesson.questions[0].show?.preset] ?? page.start).scene, lesson.questions[0].kind === "cells")] : lesson.questions.some((q) => q.draws === true && mayDraw(q)) ? [] : [bodyOf(page)]), ...questions, foot, ...answers];
+  return [head, ...(lesson.intro ? [rendered(page.say(lesson.intro))] : []), ...(page.start?.scene.rule?.kind === "prescribed" ? [ruleBox(t, (page.presets[lesson.questions[0].show?.preset] ?? page.start).scene, !/[αβν]/.test(JSON.stringify(lesson.questions)))] : lesson.questions.some(drawsBody) ? [] : [bodyOf(page)]), ...questions, foot, ...answers];
 }
 
 function loadWords({ scene } = {}) {
@@ -416,19 +419,21 @@ function answerOf(page, q, open) {
   if (q.kind === "number") {
     const table = make("table", {}, make("tr", {}, ...q.fields.map((f) => make("th", {}, page.say(f.label) ?? ""))),
     make("tr", {}, ...q.fields.map((f, i) => make("td", {}, make("em", { textContent: given?.[i] ?? "" }), ` ${unitFor(given?.[i], page.say(f.unit))} ${lesson.sign(q, i)}`))));
-    const numbers = [table, ...(q.draws ? [axes(page, q.draws)] : [])], words = [...(q.write ? [make("p", {}, ...inline(page.say(q.write)))] : []), ...(q.lines ? text ?? lines(q.lines) : [])];
-    return q.first ? [...words, ...numbers] : [...numbers, ...words];
+    const words = [...(q.write ? [make("p", {}, ...inline(page.say(q.write)))] : []), ...(q.lines ? text ?? lines(q.lines) : [])];
+    return [...(q.guess ? [make("p", { className: "before" }, `${page.say(q.guess.write)} `, make("em", { textContent: lesson.own(q.guess) }))] : []), make("div", { className: "worked" }, table, make("div", {}, ...words)), ...(q.draws ? [axes(page, q.draws)] : [])];
   }
-  if (q.draws === true) return [bodyOf(page, q), ...(text ?? lines(1))];
-  if (q.kind !== "cells" || page.run.lattice?.dimension !== 2) return text ?? lines(q.lines ?? 3);
+  if (q.kind !== "cells" || page.run.lattice?.dimension !== 2) return text ?? lines(drawsBody(q) ? 1 : q.lines ?? 3);
   const guess = lesson.guesses[q.key] ?? {}, first = lesson.firsts[q.key], spawned = {}, { scene, cells = page.start.cells } = page.presets[q.show?.preset ?? 0];
   const run = page.touchable ? new Twin(scene, cells).run(q.until) : page.run, known = { run, scene };   // the question's own, whatever is loaded now
   run.lattice.each((k) => { if ((first || open) && run.spawn[k] > 0 && run.spawn[k] <= q.until) spawned[k] = run.spawn[k]; });
   return [make("div", { className: "grids" }, grid(known, t("myGuess"), first ?? guess, { ...guess, ...spawned }), grid(known, t("whatHappened"), spawned, { ...guess, ...spawned })), make("p", { textContent: t("surprise") }), ...(text ?? lines(1))];
 }
 
-/** The body as it begins, or as a question shows it. */
-const bodyOf = (page, q) => make("img", { className: "drawn", alt: "", src: page.unmarked(page.presets?.[q?.show?.preset ?? 0]) });
+/** The body as it begins, or as a question shows it, to draw on: questions stand beside it unless it is wide. */
+function bodyOf(page, q) {
+  const sheet = page.unmarked(page.presets?.[q?.show?.preset ?? 0], q?.draws === "ground");
+  return make("img", { className: `drawn${!q ? "" : sheet.width > 1.6 * sheet.height ? " wide" : " large"}`, alt: "", src: sheet.toDataURL() });
+}
 
 /** Two axes to draw a curve at: bare, or to the right and upwards from where to where, with lines between; each has a unit, or what a run goes along. */
 function axes({ t }, ends) {

@@ -263,7 +263,7 @@ export class MotionPage extends Page {
     if (g && lesson && this.canvas.clientWidth < 520) this.parts.cap.textContent = list.filter(({ place }) => !place).map(({ title, unit, at: over, lines }) => `${named(title)}: ${Object.values(lines).map((line) => quantity(line[over.findIndex((v) => v >= at[g])], unit, largest(line))).join(", ")}`).concat(this.reading || [], this.breaking.length && g === this.run.generation ? this.parts.verdict.textContent : []).join(" · ");   // on a phone the charts, and what was clicked, are a long way down
     const end = at[Math.min(this.limit, at.length - 1)];   // axes go no further than the question
     paintGrid(box, list.map(({ title, unit, at: over, axis, lines, logarithmic, course, bars, place }, _, $, open = place || course ? over.length : over.filter((v) => v <= end).length) =>
-      ({ word: named(title), unit, over: over.slice(0, open), lists: shown(lines).map(([, list]) => list.slice(0, open)), names: shown(lines).map(([name]) => named(name)), now: place ? null : at[g], log: logarithmic, course, bars, axis, along: place || course ? "" : this.way, end: place || course ? 0 : end, limit: place && limit < at.at(-1) ? -Infinity : limit })), inks);
+      ({ word: named(title), unit, over: over.slice(0, open), lists: shown(lines).map(([, list]) => list.slice(0, open)), names: shown(lines).map(([name]) => named(name)), now: place ? null : at[g], colours: lines.push ? [7, 1].map((n) => inks.differences[n]) : null, log: logarithmic, course, bars, axis, along: place || course ? "" : this.way, end: place || course ? 0 : end, limit: place && limit < at.at(-1) ? -Infinity : limit })), inks);
   }
   seekChart(event) {
     const { curveList, at } = this;

@@ -281,15 +281,22 @@ export class Page {
     this.words();
     this.drawn = (this.drawn ?? 0) + 1;
   }
-  /** The body at the start without colours, for who draws into it on paper. */
-  unmarked(preset) {
+  /** The body at the start without colours, for who draws into it on paper; below it, if asked for, a strip for what the ground takes: more up, less down. */
+  unmarked(preset, ground) {
     const { g, run, picked, lesson, canvas } = this, { hidden } = lesson, kinds = preset && run.lattice.kinds(preset.cells ?? this.start.cells, preset.scene.sides);   // whatever is loaded now
     Object.assign(this, { g: 0, picked: -1, run: kinds ? Object.create(run, { kinds: { value: kinds } }) : run }); lesson.hidden = true; this.drawBody();
-    const { width, height } = canvas, ink = new Uint32Array(canvas.getContext("2d").getImageData(0, 0, width, height).data.buffer), drawn = (pixel) => pixel !== ink[0];
-    const top = Math.floor(ink.findIndex(drawn) / width), sheet = Object.assign(make("canvas"), { width, height: Math.floor(ink.findLastIndex(drawn) / width) + 1 - top });
-    sheet.getContext("2d").drawImage(canvas, 0, -top);   // without the empty rows above and below
+    const { width, height } = canvas, ink = new Uint32Array(canvas.getContext("2d").getImageData(0, 0, width, height).data.buffer), across = Array.from(ink.keys()).filter((i) => ink[i] !== ink[0]);
+    const [top, low] = [across[0], across.at(-1)].map((i) => Math.floor(i / width)), columns = across.map((i) => i % width), left = columns.reduce((a, b) => Math.min(a, b)), size = width / canvas.clientWidth * this.view.u, cells = run.lattice.shape[0];
+    const sheet = Object.assign(make("canvas"), { width: columns.reduce((a, b) => Math.max(a, b)) + 1 - left, height: low + 1 - top + (ground ? 10 * size : 0) }), pen = sheet.getContext("2d");
+    pen.drawImage(canvas, -left, -top);   // without what is empty around it
+    if (ground) {
+      pen.translate(width / canvas.clientWidth * this.view.x0 - left, low - top + 1.5 * size); pen.scale(size, size); pen.lineWidth = 0.05; pen.font = "2px sans-serif"; pen.textBaseline = "middle";
+      for (let i = 0; i <= cells; i++) pen.strokeRect(i, 0, 0, 8);
+      for (const y of [0, 3.97, 4.03, 8]) pen.strokeRect(0, y, cells, 0);
+      pen.fillText("+", -1.5, 2); pen.fillText("−", -1.5, 6);
+    }
     Object.assign(this, { g, picked, run }); lesson.hidden = hidden; this.drawBody();
-    return sheet.toDataURL();
+    return sheet;
   }
   /** The body as it stands at this generation, in the whole canvas or a box of it. */
   drawBody(box = {}, values = this.values(), scale = this.scale()) {

@@ -181,7 +181,8 @@ def solve(
         float | None,
         options.share(
             "Largest error allowed, 0.01 or 1%: of the goal, else a share in the energy norm. With "
-            "a goal, and within true outlines, 0.01 unless given."
+            "a goal, and within true outlines, 0.01 unless given. An answer that misses it says so "
+            "(tolerance kept: missed); the exit code is 0 all the same."
         ),
     ] = None,
     goal: options.Goal = None,

@@ -15,11 +15,11 @@ import numpy as np
 from kaju.arrays import Floats, first_largest, nearest
 from kaju.errors import SingularPlaceError
 from kaju.model.elastic.goals.quantities import Quantity, Stress
-from kaju.model.elastic.named_supports import holds
+from kaju.model.elastic.named_supports import regions_that_hold
 from kaju.model.elastic.pair.answer import PairAgents
 from kaju.model.outline.true_shapes import KINK, SLIGHT
 from kaju.model.scene import Scene
-from kaju.model.scene.cell_types import INSIDE
+from kaju.model.scene.cell_types import NOT_BODY, ROLLER
 from kaju.model.scene.shapes import Box
 from kaju.model.scene.surfaces import ClosedSurface
 
@@ -178,22 +178,16 @@ def _of_bolts(result: ElasticResult) -> Iterator[str]:
 def _of_blocks(result: ElasticResult) -> Iterator[str]:
     """Say which regions of cells hold the body more than simple supports do."""
     scene = result.scene
-    if not (regions := [region for region in scene.body.regions if holds(region)]):
-        return
-    borne, least = result.reactions, _small(result)
-    if (unnamed := sum(not region.name for region in regions)) > 1:
-        told = "give each a name, by which its own force and couple are told"
-        yield f"{unnamed} regions that hold the body are told as one support, {INSIDE!r}: {told}"
     found: list[str] = []
-    for region in regions:
-        name = region.name or INSIDE
-        if name not in borne or (name == INSIDE and unnamed > 1):
+    borne, least = result.reactions, _small(result)
+    for number, name in regions_that_hold(scene).items():
+        if name not in borne:
             continue
         couple = float(np.linalg.norm(result.couples[name]))
         if len(borne) > 1 and couple > least * max(scene.lattice.extent):
             found.append(f"{name!r} bears a couple of {couple:.4g} N·m")
         axes = [axis for axis, force in zip("xyz", borne[name], strict=False) if abs(force) > least]
-        if region.material == "roller" and len(axes) > 1:
+        if NOT_BODY[scene.body.regions[number].material] == ROLLER and len(axes) > 1:
             found.append(f"the roller {name!r} holds along {' and '.join(axes)}")
     if told := "; ".join(dict.fromkeys(found)):
         pin = 'take a pinned hole (material = "pinned", outline = "true")'

@@ -16,10 +16,23 @@ def holds(region: Region) -> bool:
     return NOT_BODY.get(region.material) in (RIGID, ROLLER)
 
 
+def regions_that_hold(scene: Scene) -> dict[int, str]:
+    """Return which regions hold the body, and what they are called: the one without name "rigid".
+
+    Or "roller"; of several each by its number.
+    """
+    found = {k: region for k, region in enumerate(scene.body.regions) if holds(region)}
+    alone = sum(not region.name for region in found.values()) == 1
+    kinds = {RIGID: INSIDE, ROLLER: "roller"}
+    return {
+        k: region.name or (kinds[NOT_BODY[region.material]] if alone else f"region {k}")
+        for k, region in found.items()
+    }
+
+
 def support_names(scene: Scene) -> list[str]:
     """Return the sides' names, that of cells inside the array, and those of regions of such."""
-    named = [region.name for region in scene.body.regions if region.name and holds(region)]
-    return list(dict.fromkeys([*scene.lattice.sides, INSIDE, *named]))
+    return list(dict.fromkeys([*scene.lattice.sides, INSIDE, *regions_that_hold(scene).values()]))
 
 
 def supports_inside(scene: Scene, cells: Cells) -> Ints:
@@ -29,7 +42,6 @@ def supports_inside(scene: Scene, cells: Cells) -> Ints:
     if names[-1] == INSIDE:
         return found
     centres = scene.lattice.centres(cells)
-    for region, shape in zip(scene.body.regions, scene.region_shapes, strict=True):
-        if holds(region):
-            found[shape.contains(centres)] = names.index(region.name or INSIDE)
+    for number, name in regions_that_hold(scene).items():
+        found[scene.region_shapes[number].contains(centres)] = names.index(name)
     return found

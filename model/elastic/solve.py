@@ -17,7 +17,7 @@ from kaju.model.elastic.equal.cell_agents import CellAgents
 from kaju.model.elastic.equal.grid import grid_of
 from kaju.model.elastic.equal.solver import solve_problem
 from kaju.model.elastic.equal.supports import is_torn
-from kaju.model.elastic.goals.quantities import AskedFor, asked
+from kaju.model.elastic.goals.quantities import AskedFor, Deflection, asked
 from kaju.model.elastic.moduli import constants_of
 from kaju.model.elastic.pair.cut_loop import CutLoop, goals_asked
 from kaju.model.elastic.pair.loop import PairLoop
@@ -76,6 +76,10 @@ def spawner_of(
         return CutLoop(OutlinedBody(scene), tolerance, most_agents, goals_asked(scene, goal))
     body, quantities = PosedBody(scene, stage, resolution), asked(goal)
     refuse_singular(scene, quantities)
+    for one in quantities:
+        side = scene.sides.get(str(getattr(one, "at", "")))
+        if isinstance(one, Deflection) and side and side.kind == "rigid":
+            raise ParameterError(f"goal: {one.at} is held, and has no deflection to ask for")
     return PairLoop(body, tolerance, most_agents, quantities)
 
 

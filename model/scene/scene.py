@@ -237,7 +237,7 @@ class Scene(Description):
             if filled.kind == cell_types.AIR and _meets_edge(shape, self.lattice):
                 told = reach_of(shape, self.lattice, "is it meant so?")
                 found.append(f"{where}: this hole meets the edge of the body: it {told}")
-        return (*found, *self._overlaps, *self._covered, *self._cut_off)
+        return (*found, *self._overlaps, *self._covered, *self._cut_off, *self._missed)
 
     @property
     def _overlaps(self) -> Iterator[str]:
@@ -290,13 +290,29 @@ class Scene(Description):
             if not plain[number] and ((cut and filled.kind != cell_types.AIR) or asked):
                 yield f"{where}: {reach_of(shape, self.lattice, told)}"
 
+    @property
+    def _missed(self) -> Iterator[str]:
+        """Which sides hold nothing, for no material reaches them, in words."""
+        lattice, base = self.lattice, self._resolved.base
+        parts = np.array([one.shape.extent for one in self._resolved.regions if one.kind >= 0])
+        if not len(parts) or not isinstance(base, int) or base >= 0 or not lattice.boxes:
+            return
+        near = lattice.cell_size * (1e-6 if self.outlined and self.plane else 0.5)
+        for side, held in self.sides.items():
+            axis, upper = divmod(lattice.sides.index(side), 2)
+            end = float(parts[:, 1, axis].max() if upper else parts[:, 0, axis].min())
+            edge = lattice.extent[axis] * upper
+            if held.kind != "free" and (edge - end if upper else end) > near:
+                reach = f"the body ends at {'xyz'[axis]} = {end:.4g} m, the array at {edge:.4g} m"
+                yield f"sides.{side} holds nothing: {reach}; let the array end where the body does"
+
     @contextmanager
     def misplaced(self) -> Iterator[None]:
         """Let errors say, too, which shapes may lie elsewhere than meant."""
         try:
             yield
         except SceneError as error:
-            told = [] if PIXELS in str(error) else self._cut_off
+            told = [] if PIXELS in str(error) else [*self._cut_off, *self._missed]
             raise type(error)("; ".join([str(error), *told])) from None
 
     def notes_on(self, displacement: float, stress: float = 0.0, kind: int = 0) -> tuple[str, ...]:
@@ -306,13 +322,19 @@ class Scene(Description):
             f"the largest displacement is {share:.2g} times the body's size: are these metres and "
             "pascals? Displacements are taken to be small"
         )
+        small = (
+            f"von Mises reaches only {stress:.2g} Pa in {material.name!r}: are these newtons and "
+            "pascals? 1 MPa is 1e6 Pa"
+        )
         borne = (
             f"von Mises reaches {1e-9 * stress:.3g} GPa, more than common {material.name!r} bears: "
             "are these metres, newtons and pascals?"
         )
         # Of metals, glass and concrete: mild steel yields at 0.1 % of its modulus, breaks at 0.3 %.
         stiff = stress > 0.003 * material.youngs_modulus > 9e7
-        return (*self.notes, *[moved] * (share > 0.05), *[borne] * stiff)
+        least = min((abs(load.pressure or 0.0) for load in self.loads), default=0.0)
+        slight = 1.0 < least <= 300.0 and 0.0 < stress < 1e-8 * material.youngs_modulus
+        return (*self.notes, *[moved] * (share > 0.05), *[borne] * stiff, *[small] * slight)
 
     @property
     def cell_materials(self) -> tuple[Material, ...]:

@@ -150,7 +150,7 @@ class Selection:
         if np.abs(inertia @ turn - wanted).max() > 1e-6 * np.abs(wanted).max():
             raise SceneError(
                 "couple: needs faces at a distance from each other, and has one face, or faces "
-                "on one line along it; take a larger side or region"
+                "on one line along it; take a larger side or region, or two cells across it"
             )
         forces: Floats = self.share[:, None] * np.cross(turn, lever)
         return forces[:, : lattice.dimension]

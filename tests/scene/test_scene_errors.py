@@ -267,6 +267,18 @@ def test_millimetres_and_gigapascals_are_asked_about():
     twice = wrong.with_region(disk=disk).with_region(disk=over)
     assert any("regions.0' and 'body.regions.1' overlap" in note for note in twice.notes)
     assert "nothing is applied" in wrong.replace(loads=()).notes[0]
+    part = [{"box": [[0, 0], [100, 120]], "material": "steel"}]
+    short = Scene(
+        body=body | {"material": "air", "regions": part},
+        sides=dict.fromkeys(["left", "right"], "rigid"),
+        loads=[load],
+    )
+    assert "sides.right holds nothing: the body ends at x = 100 m" in str(short.notes)
+    assert "sides.left" not in str(short.notes)
+    for pressure, asked in ((10.0, True), (1e6, False)):  # 10 MPa were meant
+        pressed = [{"side": "top", "pressure": pressure}]
+        small = Scene(body=body | {"size": [0.1, 0.1]}, sides={"bottom": "rigid"}, loads=pressed)
+        assert any("reaches only" in note for note in kaju.solve(small).notes) == asked
     thick = [wrong.with_overrides({"body.thickness": t}).notes for t in (2400.0, 2401.0)]
     assert ["m are much for a plate of 120 m" in str(notes) for notes in thick] == [False, True]
     for wide, told in ((10.0, True), (9.9, False)):  # only small bodies are of foam

@@ -194,7 +194,7 @@ def quantities_of(goal: AskedFor) -> tuple[Quantity, ...]:
     if isinstance(goal, Quantity):
         return (goal,)
     if isinstance(goal, str) and "," in goal:  # "top,y"
-        at, _, last = goal.rpartition(",")
+        at, _, last = map(str.strip, goal.rpartition(","))
         if last in (*AXES, VON_MISES, HOOP):
             return (Deflection(at, last) if last in AXES else Stress(at, last),)
     if isinstance(goal, (str, Mapping)) or is_point(goal):

@@ -26,6 +26,7 @@ from kaju.model.elastic.goals.quantities import (
     is_point,
     quantities_of,
 )
+from kaju.model.elastic.moduli import Moduli, equivalent_stress
 from kaju.model.outline.hoop_stress import HoopStress, turn_in
 from kaju.model.outline.leaf_triangles import VagueError, leaf_triangles
 from kaju.model.outline.posed_outlines import SIDES, OutlinedBody, UnlikeError, check_alone
@@ -40,6 +41,7 @@ from .loop import PairLoop
 
 MOST_AGENTS = 100_000
 TURN = 0.6  # angle by which a stressed outline may turn in an agent, over the root of the tolerance
+NARROW = 1.5  # times the largest stress of an outline that corners of agents along it may bear
 UNSEEN = 1.0  # angle: an agent in which an outline turns by more knows nothing of its stress
 NO_BOUND = "nothing is proved of a stress at a point"
 
@@ -204,6 +206,24 @@ def coarse_along(pair: CutPair, tolerance: float) -> Ints:
     return np.minimum(often, 2)
 
 
+def _narrow(pair: CutPair, along: HoopStress) -> Ints:
+    """Return leaves along an outline whose corners bear far more than any place of it.
+
+    Such hold a narrow part of the body, between the outline and another edge.
+    """
+    leaf, at, told = pair.at_corners
+    plane, moduli = pair.body.asked.plane, Moduli(*pair.body.moduli)
+    kind = pair.leaves.kind[leaf]
+    least = np.min([equivalent_stress(one, moduli, kind, plane) for one in told], axis=0)
+    sharp = pair.body.without_limit / pair.body.edge
+    if len(sharp):
+        least[nearest(sharp, at)[0] < 2.0 * UNIT * pair.leaves.size[leaf]] = 0.0
+    seen = np.zeros(len(pair.leaves))
+    np.maximum.at(seen, leaf, least)
+    far_more = seen[along.leaf] > NARROW * along.von_mises.max(initial=0.0)
+    return np.asarray(along.leaf[far_more])
+
+
 class _Peak:
     """The largest hoop or von Mises stress along an outline, generation by generation.
 
@@ -243,6 +263,7 @@ class _Peak:
         often = coarse_along(pair, self._tolerance)
         # Where an agent holds so much of a bend it does not see its stress: no error is known.
         bends = turn_in(pair.leaves, pair.body.true.regions[self._which].arcs) > UNSEEN
+        bends[_narrow(pair, along)] = True
         often = np.maximum(often, 2 * bends)
         if not len(along.place):
             if not often.any():

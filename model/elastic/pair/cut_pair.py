@@ -171,6 +171,14 @@ class CutPair:
         fitted = np.where(np.isfinite(fitted), fitted, balanced)
         return tensors(np.where(np.isfinite(balanced), balanced, fitted)), tensors(fitted)
 
+    @cached_property
+    def at_corners(self) -> tuple[Ints, Floats, tuple[Floats, Floats]]:
+        """Whose corners of triangles these are, where, and both stresses there."""
+        mesh = self.balancing.mesh
+        leaf, at = np.repeat(mesh.leaf, 3), mesh.place[mesh.triangle]
+        inside = (at + 1e-6 * (at.mean(axis=1, keepdims=True) - at)).reshape(-1, 2)
+        return leaf, at.reshape(-1, 2), self.stresses_at(leaf, inside, self.leaves.kind[leaf])
+
     def reactions(self) -> dict[str, Floats]:
         """Return what supports bear of the stress that balances, as `resultants`."""
         mesh, border = self.balancing.mesh, self.borders[1]

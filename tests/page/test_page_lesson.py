@@ -244,6 +244,8 @@ def test_a_pull_stretches_a_cell(shown):
     assert "stretched by\tα₁P\t0.5 N" in rows
     told = "and is squeezed by 215 mN. It passed on 1.72 N. Pulls stretch it by 739 mN."
     assert told in page.text(".cards")
+    page.js("(page.seek(1), page.refresh())")
+    assert "is stretched by 500 mN. It passed on 900 mN." in page.text(".cards")
     assert "Stretched by" in page.text(".story")
 
 

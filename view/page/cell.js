@@ -135,7 +135,7 @@ function cellCards(page) {
   const line = (word, value) => make("tr", {}, ...cells(word, newtons(value)));
   const edge = sum((r) => r.from >= 0 && run.kinds[r.from] < 0);
   const out = total / row.each, balance = make("p", {}, make("b", { textContent: t("inOut", { x: quantity(Number(out.toPrecision(4)), "N") }) }));
-  return [make("p", {}, make("b", { textContent: story ? t("inAll", { a: newtons(story.total), b: newtons(story.squeezed ?? 0), c: newtons(story.passed ? story.passed.reduce((a, b) => a + b, 0) : 0) }) + (story.pulled ? t("pulledBy", { x: newtons(story.pulled) }) : "") + (story.dropped ? t("endedHere", { d: newtons(story.dropped) }) : "") : "" }), ...(run.scene.rule.accumulate ? [` ${t("addsUp")}`] : [])),
+  return [make("p", {}, make("b", { textContent: story ? t(story.pulled && !story.squeezed ? "inAllPulled" : "inAll", { a: newtons(story.total), b: newtons(story.squeezed || story.pulled), c: newtons(story.passed ? story.passed.reduce((a, b) => a + b, 0) : 0) }) + (story.pulled && story.squeezed ? t("pulledBy", { x: newtons(story.pulled) }) : "") + (story.dropped ? t("endedHere", { d: newtons(story.dropped) }) : "") : "" }), ...(run.scene.rule.accumulate ? [` ${t("addsUp")}`] : [])),
     card(t("cameIn", { g, c: cellName(L, k) }), table),
     card(t("ofThisLoad", { p: newtons(row.each) }), make("table", {}, make("tr", {}, ...cells(t(row.channel < L.D ? "keeps" : "stretches"), "α₁P", newtons(own, row.each))), ...parts)),
     card(t("cameBack"), make("table", {}, line(t("fromWoken"), sum((r) => mine.includes(r.from))), line(t("fromEdge"), edge))), ...(Math.abs(out - 1) > 1e-9 ? [balance] : [])];

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from kaju._mesa import Cell, FixedAgent
-from kaju.errors import brief
+from kaju.errors import AgentError, brief
 
 from .materials import Material
 from .parameter import is_number
@@ -98,6 +98,9 @@ class MaterialAgent(PlacedAgent):
     """
 
     def __init__(self, model: Any, cell: Cell, material: Material, shares: Shares) -> None:
+        if model.engine.waking != cell.coordinate:
+            told = "loads wake agents, nobody else makes one; hand the cell a load, with pass_on"
+            raise AgentError(f"{type(self).__name__}: {told}")
         super().__init__(model, cell)
         self.material, self.shares = material, shares
         self.engine: Any = model.engine

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from difflib import get_close_matches
 from dis import get_instructions as dis
-from inspect import signature, unwrap
+from inspect import iscoroutinefunction, isgeneratorfunction, signature, unwrap
 from itertools import islice, takewhile
 from numbers import Integral
 from types import CodeType, FunctionType
@@ -70,6 +70,10 @@ def check_class(name: str, agent: object, base: type) -> None:
         told = f"{whose}.{hook} takes {signature(function)}, but a model calls it with"
         cure = "; take *start and call super().__init__(*start) first" * (hook == "__init__")
         require(takes(function, *start), f"{told} ({', '.join(start)}){cure}")
+        rows = hook == "emissions" and isgeneratorfunction(function)  # one by one is as good
+        idle = isgeneratorfunction(function) or iscoroutinefunction(function)
+        told = f"{whose}.{hook} has a yield or is async, so calling it does nothing; take that out"
+        require(rows or not idle, told)
     told = f"{whose}.step never calls super().step(), so loads would wait for ever; call it,"
     names = _names_in(brought.get("step"))
     names = names.union(*(_names_in(brought[name]) for name in names & {*brought} - {"step"}))

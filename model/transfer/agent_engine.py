@@ -78,6 +78,7 @@ class AgentEngine:
         self._same: dict[Any, Any] = {}  # boxes find a load sooner if equal ones are one object
         self.space = space_of(self.lattice, model.random)
         self.agents: dict[Index, MaterialAgent] = {}
+        self.waking: Index | None = None  # the cell of whom loads are waking
         self.boundaries: dict[Index, BoundaryAgent] = {}
 
     def start(self, cells: Ints, state: Ints, magnitude: Floats, *, live_on: bool = False) -> None:
@@ -308,7 +309,9 @@ class AgentEngine:
                 box.agent = self.boundaries[place] = self.boundary_agents[kind](self.model, cell)
             else:
                 made_of = self.transfer.materials[kind], self.transfer.shares[kind]
+                self.waking = place
                 box.agent = self.agents[place] = self.material_agent(self.model, cell, *made_of)
+                self.waking = None
             if self.own_classes:
                 self.guard.check_begun(box.agent, place)
         if kind >= 0:  # loads that met, and ended, have woken nobody

@@ -109,6 +109,10 @@ REFUSED = {
     "forgets its books": after_take(lambda self, load: setattr(self, "taken", [0.0] * 4)),
     "has no material left": after_take(lambda self, load: setattr(self, "material", None)),
     "leaves": after_take(lambda self, load: self.remove()),
+    "makes another": after_take(
+        lambda self, load: type(self)(self.model, self.cell, self.material, self.shares)
+    ),
+    "yields its loads": material(take=lambda self, load: (yield)),
     "hands over for nobody": passes(lambda self, load: self.model.hand_over(None, 0, load)),
     "yields NaN": material(shortening=lambda self, axis: nan),
     "shares NaN": sets(forward=nan),

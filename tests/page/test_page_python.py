@@ -185,12 +185,7 @@ MISTAKES = [  # what comes before, what is written, the line, and words of the s
     (TAKE, "x = 1\n          y = 2", 8, INDENT),
     (SEND, "return None", 7, "gab None zurück; nötig ist eine Liste"),
     (SEND, "return rows * 500", 7, "gab mehr als 1000 Emissionen"),
-    (
-        SEND,
-        "return [rows[0]._replace(arm=7)]",
-        7,
-        "falsch ist: arm; möglich sind die Arme (0, 1, 2, 3)",
-    ),
+    (SEND, "return [rows[0]._replace(arm=7)]", 7, "falsch ist: arm; möglich sind die Arme (0, 1,"),
     ("", "from kaju import MaterialAgnt", 1, "kein `MaterialAgnt`; meinst du `MaterialAgent`?"),
     ("", "x = 1", 1, "there is no class of agents"),
     (CLASS, "def respond(self, load): pass", 3, "niemand ruft `respond` auf; meinst du `take`?"),
@@ -198,12 +193,7 @@ MISTAKES = [  # what comes before, what is written, the line, and words of the s
     (CLASS, "def on_tick(self): pass", 3, "niemand ruft `on_tick` auf; meinst du `step`?"),
     (CLASS, "def take(self, load): self.model.threshold = 1", 3, "`threshold` gehört zum Modell"),
     (CLASS, "def passOn(self, load): pass", 3, "niemand ruft `passOn` auf; meinst du `pass_on`?"),
-    (
-        CLASS,
-        "def __init__(self, *start):\n        self.x = 1",
-        4,
-        "muss super().__init__ mit allen",
-    ),
+    (CLASS, "def __init__(self, *start):\n        self.x = 1", 4, "muss super().__init__ mit"),
     ("from kaju import *\n", "class Own(PrescribedRule): pass", 2, "PrescribedRule gibt es in der"),
     (CLASS, "state = State('x')", 3, "its default must be a number"),
 ]
@@ -287,11 +277,8 @@ def test_what_comes_from_others_runs_only_when_asked(opened, tmp_path):
     other.tab.goto(page.tab.url)
     other.tab.reload()
     other.until("page?.drawn > 0 && page.studio.foreign")
-    assert other.js("[page.studio.active, page.studio.printed, page.studio.code]") == [
-        False,
-        "",
-        code,
-    ]
+    studio = other.js("[page.studio.active, page.studio.printed, page.studio.code]")
+    assert studio == [False, "", code]
     assert "somebody else" in other.text(".body")
     assert "best of the class 0.25 N" in other.text("header")
     assert other.tab.title() == bad

@@ -175,8 +175,7 @@ export class Workshop {
     const asks = this.asIs ? [make("p", { className: "soft", textContent: page.say(this.asIs.question) })] : [];
     const bars = this.active ? this.parameters.map((p) => (typeof p.value === "boolean" ? tick(page.say(this.called(p.label)), p.value, (on) => this.turn(p, on))
       : slider(page.say(this.called(p.label)), { value: p.value, min: p.low, max: p.high, step: p.whole ? 1 : roundDown((p.high - p.low) / 500), show: (v) => general(v, 4), t }, (v) => this.turn(p, v)))) : [];
-    this.out = make("p", { role: "status" });
-    this.say();
+    this.out = make("p", { role: "status" }); this.say();
     const game = make("p", { className: "soft small", textContent: t("challengeIs", { a: general(this.applied(), 3), w: general(0.95 * this.applied(), 3) }) }), score = make("p", { className: "small", role: "status", textContent: this.challenge().filter(Boolean).join(" · ") });
     return [choose, ...asks, this.out, ...(this.problem ? [make("p", { className: "soft small", textContent: t("oldPicture") })] : []), ...bars, make("div", { className: "editor" }, this.gutter, this.field),
       make("div", { className: "tools" }, button(`${t("runCode")} (${/Mac|iP/.test(navigator.platform) ? "⌘ Enter" : t("runKeys")})`, () => { page.goal = null; this.run(); this.say(); }, { className: "main" }), button(t("saveAgent"), () => this.save()), button(t("standardRule"), () => this.leave())),
@@ -186,8 +185,7 @@ export class Workshop {
   say() {
     const { page: { t }, code, problem, foreign } = this, no = refused(code), lacks = no ? [no.word] : code === this.first ? this.needs : [], score = this.active && this.result?.agents !== undefined && this.score();
     const words = problem ? problem.error : code !== this.ran && !foreign ? (score ? `${t("notRun")} ${score}` : t("codeHint")) : lacks.length ? t("notInPage", { n: lacks.join("`, `") }) : foreign ? t("foreign") : this.pending ? t("solving") : score || t(...(this.whose ? ["otherAgents", { n: this.whose }] : ["codeHint"]));
-    this.out.className = problem ? "verdict bad" : "verdict open";
-    this.out.replaceChildren(...words.split("`").map((part, n) => (n % 2 ? make("code", { textContent: part }) : part)));
+    Object.assign(this.out, { className: problem ? "verdict bad" : "verdict open" }).replaceChildren(...words.split("`").map((part, n) => (n % 2 ? make("code", { textContent: part }) : part)));
   }
   score() {
     const { page, page: { t, run } } = this, { agents, generations, taken, air, ground, rollers, lost, idle, grew, recorded } = this.result, n = (x) => general(x, 4);

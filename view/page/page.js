@@ -76,7 +76,6 @@ export class Page {
   get deformable() { return this.scene.rule.kind === "prescribed"; }
   /** Whether the body, its loads and its rule are those of a preset. */
   isAs({ scene, cells = this.start.cells }) { return JSON.stringify(scene) === JSON.stringify(this.scene) && cells.every((c, i) => c === this.cells[i]); }
-  get changed() { return this.touchable && !this.presets.some((preset) => this.isAs(preset)); }
   get colours() { return ["taken", "now", "spawn", ...(this.deformable ? ["kept", "stress", "move"] : []), ...(this.run.states ?? []).map(([name]) => `state ${name}`)]; }
   /** The page answers with elasticity for squares. */
   get solvable() { return this.scene?.lattice.kind === "square"; }
@@ -384,7 +383,7 @@ export class Page {
     else if (focus && !at.isConnected) [...this.host.querySelectorAll("button, input, select, textarea")].find((b) => (b.textContent || b.ariaLabel) === focus)?.focus();
   }
   /** Whose picture it is, and who made it. */
-  get whose() { return [...(this.own && this.touchable ? [] : [this.t(this.changed ? "changed" : this.kind)]), ...(this.own ? [this.studio?.asIs ? this.t("readyAgent", { n: this.say(this.studio.asIs.name) }) : this.t("ownAgents", { n: this.own.names.join(", ") })] : [])].join(" · "); }
+  get whose() { return [...(this.own && this.touchable ? [] : [this.t(this.touchable && !this.presets.some((preset) => this.isAs(preset)) ? "changed" : this.kind)]), ...(this.own ? [this.studio?.asIs ? this.t("readyAgent", { n: this.say(this.studio.asIs.name) }) : this.t("ownAgents", { n: this.own.names.join(", ") })] : [])].join(" · "); }
   header() {
     this.parts.mode.textContent = this.whose;
     this.parts.presets?.forEach((b, n) => { b.ariaPressed = String(this.isAs(this.presets[n])); });

@@ -32,8 +32,6 @@ export class Transfer {
     const turnedBy = (kind) => Array.from({ length: D }, (_, arm) => Int8Array.from({ length: this.C }, (_, c) => turn(lattice, kind, arm, c, sense)));
     this.turned = Object.fromEntries([AIR, RIGID, ROLLER].map((kind) => [kind, turnedBy(kind)]));
   }
-  /** By how much more than it took of a force a material passes on, of 1 N by channel; `along`: parts of the channels. */
-  gains(along) { return this.rows.map((row, n) => row.reduce((sum, [, channel, share]) => sum + share * along[channel], -along[n % this.C])); }
 }
 
 /** What a load sends out: a push travels along its force, a pull against it. */
@@ -252,7 +250,7 @@ class Ledger {
     const sum = Array.from({ length: dimension }, (_, a) => loads.reduce((f, [, c, load]) => f + normals[c % D][a] * load, 0));
     this.applied = Math.hypot(...sum);
     this.along = Float64Array.from({ length: C }, (_, c) => dot(normals[c % D], sum) / (this.applied || 1));
-    this.gain = transfer.gains(this.along);    // of 1 N, by material and channel
+    this.gain = transfer.rows.map((row, n) => row.reduce((sum, [, channel, share]) => sum + share * this.along[channel], -this.along[n % C]));   // how much more of a force is passed on than came, of 1 N, by material and channel
     this.ended = this.ground = this.made = 0;
     this.rows = [];
   }

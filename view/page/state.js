@@ -48,15 +48,13 @@ export function restore(page, { scene, cells, stage, factor, look, guesses }) {
   page.rebuild();
 }
 
-const coded = (bytes) => btoa(Array.from(bytes, (b) => String.fromCharCode(b)).join("")).replaceAll("+", "-").replaceAll("/", "_").replaceAll("=", "");
-
 /** The part after # that opens a page as it stands now. */
 export async function hashOf(page) {
   const { scene, cells, stage, factor, look } = stateOf(page), { g, picked, start, language, dark } = page;
   const own = page.touchable && cells.some((c, i) => c !== start.cells[i]) ? Array.from(cells) : undefined;
   const told = { look, g, picked, code: page.studio && page.studio.code !== page.studio.first ? page.studio.code : undefined, best: page.studio?.best, ...(page.touchable ? { scene, stage, factor, cells: own } : {}) };
-  const text = new TextEncoder().encode(JSON.stringify(told));
-  return `#${new URLSearchParams({ lang: language, theme: dark ? "dark" : "light", s: coded(await through(text, new CompressionStream("deflate-raw"))) })}`;
+  const packed = await through(new TextEncoder().encode(JSON.stringify(told)), new CompressionStream("deflate-raw")), coded = btoa(Array.from(packed, (b) => String.fromCharCode(b)).join(""));
+  return `#${new URLSearchParams({ lang: language, theme: dark ? "dark" : "light", s: coded.replaceAll("+", "-").replaceAll("/", "_").replaceAll("=", "") })}`;
 }
 export async function copyLink(page) {
   const link = location.href.split("#")[0] + await hashOf(page);

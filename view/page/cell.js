@@ -216,7 +216,7 @@ function paintCell(page, box) {
 function paintOwn(page, cx, cy, s, outline, font) {
   const { view: { ctx }, run: { lattice: L }, inks, picked, t } = page, story = storyOf(page, picked);
   outline(cx, cy); ctx.fillStyle = inks.cell; ctx.fill();
-  paintWord(ctx, story ? `${t("keeps")} ${story.kept === null ? "–" : newtons(story.kept)}` : t("asleepNow"), cx, cy, inks.ink, inks, { font, align: "center" });
+  paintWord(ctx, story ? `${t("keeps")} ${story.kept === null ? "–" : newtons(story.kept)}` : t("asleepNow"), cx, cy - 0.25 * s, inks.ink, inks, { font, align: "center" });
   const most = Math.max(1e-300, ...(story?.passed ?? [0]));
   story?.passed?.forEach((load, arm) => {
     const [x, y] = [L.normals[arm][0], -L.normals[arm][1]];

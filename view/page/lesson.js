@@ -21,7 +21,10 @@ export class Lesson {
     addEventListener("storage", ({ key }) => { if (key === this.place) { this.read(); page.rebuild(); } });   // answers typed in another page of the lesson
   }
   /** Open where the reader was, in this page or another one of the lesson; that one at the question that asks for it. */
-  begin() { if (this.was > 0) this.go(this.was); else this.open(0, true); }
+  begin() {
+    this.page.root.addEventListener("click", (event) => { const link = event.target.closest("a[target=kaju]"); if (link && !event.ctrlKey && !event.metaKey && this.to(link.getAttribute("href"))) event.preventDefault(); });
+    if (this.was > 0) this.go(this.was); else this.open(0, true);
+  }
   get place() { return `kaju:lesson:${this.key}`; }
   read() {                                     // storage fails in private windows and in some files
     try {
@@ -83,7 +86,12 @@ export class Lesson {
     const { here, question } = this, pages = question?.pages ?? [here];
     if (pages.includes(here)) return;
     this.keep();
-    if (this.keeps) location.href = `${pages[0]}${this.teacher ? "#teacher" : ""}`;   // there it is known where one was
+    this.to(pages[0], "moved");   // there it is known where one was
+  }
+  /** To another page of the lesson, in the same tab if this computer keeps the answers. */
+  to(file, ...signs) {
+    if (this.keeps) location.href = [file, [...signs, ...(this.teacher ? ["teacher"] : [])].join("&")].filter(Boolean).join("#");
+    return this.keeps;
   }
   /** Say what is still to be answered, beside the field that waits. */
   ask(word = this.begun(this.question) ? "stillOpen" : "answerFirst") {
@@ -295,10 +303,11 @@ function questionCards(lesson, q) {
   if (q.recalls && said) list.push(make("p", { className: "recalled", textContent: t("youGuessed", { x: `${said} ${unitFor(said, say(guess.fields?.[0].unit))}` }) }));
   if (q.kind === "cells") list.push(make("div", { className: "card sketch" }, ruleSketch(t, page.start.scene, true)), ...guessCards(lesson, q));
   if (lesson.opens && lesson.keeps && !lesson.teacher && !lesson.guessed(guess)) list.unshift(make("p", { className: "recalled" }, ...inline(t("beginHere", { to: `${lesson.key}.html` }))));   // who came by a link
+  if (page.asked.has("moved") && lesson.at === lesson.was) list.unshift(make("p", { className: "recalled", textContent: t("movedHere", { p: say(page.title).split(" · ")[0] }) }));
   lesson.saved = make("small", { className: `saved${lesson.keeps ? "" : " bad"}`, role: "status", textContent: lesson.told });
   lesson.judges = [];
   if (q.kind === "number") {
-    const words = q.lines ? textCard(lesson, q, q.fields.length) : [], numbers = make("div", { className: q.fields.length % 2 || q.fields.length > 6 ? "fields" : "fields pairs" }, ...q.fields.map((field, i) => numberCard(lesson, q, field, i)));
+    const words = q.lines ? textCard(lesson, q, q.fields.length) : [], numbers = make("div", { className: [3, 5, 8].includes(q.fields.length) ? "fields" : "fields pairs" }, ...q.fields.map((field, i) => numberCard(lesson, q, field, i)));
     list.push(...(q.guess ? textCard(lesson, q.guess) : []), numbers, ...words, lesson.saved);
   }
   else list.push(...(q.kind === "cells" && lesson.shown === "guess" ? [] : textCard(lesson, q)), lesson.saved);   // nothing surprises before it is seen

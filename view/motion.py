@@ -262,7 +262,6 @@ def elastic_answer(result: ElasticResult) -> Motion:
     assert end.moved is not None
     moved[-1, standing] = end.moved[-1][end.parts]
     values = {"von_mises": ("Pa", stress), "level": ("", family.level.astype(float))}
-    values["gap"] = "J", np.nan_to_num(rows["gap"])
     values |= _opinions(result)
     values["spawn_step"] = "", rows["spawn_step"].astype(float)
     over = "step", "", np.arange(float(count))
@@ -326,14 +325,14 @@ def _energies(result: ElasticResult) -> dict[str, Floats]:
 
 
 def _opinions(result: ElasticResult) -> dict[str, tuple[str, Floats]]:
-    """Return the equivalent stress of each opinion, of every agent in every generation."""
+    """Return the gap and the stress of each opinion, of every agent in every generation."""
     found, family = {}, result.family
-    for name in ("fitted", "balanced"):
+    for name, unit in {"gap": "J", "fitted": "Pa", "balanced": "Pa"}.items():
         values = np.full((len(result.generations), len(family.size)), np.nan)
         for number, generation in enumerate(result.generations):
             values[number, family.standing(number)] = getattr(generation, name)
         if not np.isnan(values).all():
-            found[name] = ("Pa", values)
+            found[name] = (unit, values)
     return found
 
 

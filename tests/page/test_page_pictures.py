@@ -203,8 +203,9 @@ def test_agents_cut_by_an_outline_spawn_one_generation_after_another(shown):
         page.js(f"page.goTo({number})")
         there = np.flatnonzero(page.js(THERE)).tolist()
         assert len(there) == found.agents
-        gap = page.js(f"{there}.map((i) => page.value(i, 'fitted'))")
-        np.testing.assert_allclose(np.sort(gap), np.sort(found.fitted), rtol=1e-6)
+        for name, known in (("fitted", found.fitted), ("gap", found.gap)):
+            told = page.js(f"{there}.map((i) => page.value(i, '{name}'))")
+            np.testing.assert_allclose(np.sort(told), np.sort(known), rtol=1e-6)
     stress = page.js(f"{there}.map((i) => page.value(i, 'von_mises'))")
     np.testing.assert_allclose(np.sort(stress), np.sort(result.largest_von_mises), rtol=1e-6)
     assert page.js(FARTHEST) == pytest.approx(result.max_displacement, rel=0.2)

@@ -45,17 +45,17 @@ function paintAnswer(page, canvas, name, both) {
   return view;
 }
 
-/** The rule less elasticity in steps: what is small on the common scale looks like nothing, in both directions alike. */
-export function stepsOf({ rule, elastic, small }) {
-  const gap = rule.map((v, k) => v - elastic[k]), most = Math.max(largest(gap), small * 2), reach = Math.log(most / small);
-  const step = (d, count) => Math.min(count, 1 + Math.floor(count * Math.log(Math.abs(d) / small) / reach));
-  return { gap, most, steps: gap.map((d) => (Math.abs(d) <= small ? 0 : Math.sign(d) * step(d, SHADES))) };
+/** The rule less elasticity in steps, as far apart as on the common scale: what is small there looks like nothing, in both directions alike. */
+export function stepsOf({ rule, elastic, small, scale }) {
+  const gap = rule.map((v, k) => v - elastic[k]), most = Math.max(largest(gap), small * 2);
+  const part = (size) => (scale.log ? Math.log(size / small) / Math.log(most / small) : size / most);
+  return { gap, most, steps: gap.map((d) => (Math.abs(d) <= small ? 0 : Math.sign(d) * Math.min(SHADES, 1 + Math.floor(SHADES * part(Math.abs(d)))))) };
 }
 function paintDifference(page, canvas, both) {
   const { run, look, inks, t } = page, { lattice: L, kinds } = run, { steps, most } = stepsOf(both), view = new View(canvas, L, look.camera, { foot: settings(page).ruler ? 64 : 48 }), scale = { low: -4.5, high: 4.5, log: false };
   paintCells(view, kinds, steps.map((s) => s || (s === 0 ? 1e-9 : NaN)), scale, inks, { cut: L.dimension === 3 ? look.cut : null });
   canvas.ariaLabel = `${t("less")}: ${t(both.quantity)}`;
-  paintLegend(view, scale, t("less"), t("log"), null, inks, [[scale.low, quantity(-most, both.unit)], [0, `± ${quantity(both.small, both.unit)}`], [scale.high, quantity(most, both.unit)]]);
+  paintLegend(view, scale, t("less"), t(both.scale.log ? "log" : "linear"), null, inks, [[scale.low, quantity(-most, both.unit)], [0, both.scale.log ? `± ${quantity(both.small, both.unit)}` : "0"], [scale.high, quantity(most, both.unit)]]);
   return view;
 }
 

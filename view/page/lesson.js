@@ -60,8 +60,8 @@ export class Lesson {
   begun(q) { return Object.keys(this.guesses[q.key] ?? {}).length > 0; }
   /** Whether a guess in words or numbers stays as it is: more has been seen since. */
   get fixed() { const { question: q, done, teacher } = this; return !teacher && q.step === "predict" && q.kind !== "cells" && done.includes("predict"); }
-  /** The last generation that is open: none before a guess, then the question's; where it is answered the next one's, or all. */
-  get limit() { const { question: q, questions, at } = this; return this.teacher || q?.until === undefined ? Infinity : q.kind !== "cells" ? (this.answered(q) ? questions[at + 1] : q)?.until ?? Infinity : this.guessed(q) ? q.until : 0; }
+  /** The last generation that is open: none before a guess, then the question's; where it is answered the next one's, or all; where a guess comes before numbers, all from the guess on. */
+  get limit() { const { question: q, questions, at } = this; return this.teacher || q?.until === undefined || (q.guess && this.answered(q.guess)) ? Infinity : q.guess ? q.until : q.kind !== "cells" ? (this.answered(q) ? questions[at + 1] : q)?.until ?? Infinity : this.guessed(q) ? q.until : 0; }
   /** Whether a guess is still to be made: what would give it away is not shown. */
   get secret() { return this.hidden && this.page.g === 0; }
   /** Which way of looking a question asks for. */
@@ -97,7 +97,7 @@ export class Lesson {
   ask(word = this.begun(this.question) ? "stillOpen" : "answerFirst") {
     const { page, saved, question: q } = this, fields = [...page.root.querySelectorAll("aside .question ~ textarea, aside .question ~ .fields .field")];
     if (word === "stillOpen") Object.assign(this, { asked: q, askedIn: page.past.gesture });
-    Object.assign(saved, { textContent: page.t(word === "answerFirst" && mayDraw(q) ? "drawOrSay" : word, { x: this.missing(q).join(" · ") }), className: "saved bad" }).scrollIntoView({ block: "nearest" });
+    Object.assign(saved, { textContent: page.t(word === "answerFirst" && mayDraw(q) ? "drawOrSay" : word, { x: this.missing(word === "answerFirst" && q.guess ? q.guess : q).join(" · ") }), className: "saved bad" }).scrollIntoView({ block: "nearest" });
     if (q.kind !== "cells") fields.find(({ value }) => !value.trim())?.focus({ preventScroll: true });
   }
   /** On from a question; who has left something open hears of it first. */

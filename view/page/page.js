@@ -193,7 +193,7 @@ export class Page {
   /** Whether Play goes no further from here. */
   get ended() { return this.g >= this.limit || (this.g >= this.run.generation && this.over); }
   toggle(on = !this.playing) {
-    if (on && this.limit === 0) { this.lesson.ask(); return; }
+    if (on && (this.limit === 0 || (this.g >= this.limit && this.lesson.question.guess))) { this.lesson.ask(); return; }
     this.playing = on;
     if (on && this.ended) this.goTo(0);
     this.clock = null;

@@ -266,9 +266,10 @@ class ElasticResult(BodyResult):
     def error_estimate(self) -> float:
         """Relative error in the energy norm: `error_bound` if there is one, else an estimate.
 
-        On equal cells it is the difference to cells twice as large, and what an iteration left.
+        On equal cells it is the difference to cells twice as large and what an iteration left, or
+        half of what the energy of the corners' displacement differs by, if that is more.
         """
-        return self.found.solution.error
+        return self.found.error
 
     @cached_property
     def energy_bounds(self) -> tuple[float, float] | None:
@@ -377,7 +378,7 @@ class ElasticResult(BodyResult):
             ways = ways[np.abs(ways).max(axis=1) == 2.0]
             ways *= left_out / np.hypot(*ways.T)[:, None]
             around = (sharp[:, None] + ways).reshape(-1, 2)
-            around, cells = self.located(around[self.holds(around)])
+            around, cells = self.found.located(around[self.holds(around)])
             told, law = self.found.stresses_at(around, cells), self.found.law_at(around, cells)
             points, value = (
                 np.concatenate([points, around]),

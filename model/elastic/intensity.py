@@ -114,7 +114,7 @@ def intensity(result: ElasticResult, at: tuple[float, ...]) -> Intensity:
     opening, shear = (_factor(result, tip, mode, radius) for mode in modes)
     inner = [_factor(result, tip, mode, 0.5 * (radius + least)) for mode in modes]
     # Factors of Ls are off by up to 0.33 of the answer's error.
-    share = 0.6 * result.error_estimate + WIDTH * 2.0 * tip.slit / radius
+    share = 0.6 * result.found.solution.error + WIDTH * 2.0 * tip.slit / radius
     off = max(abs(opening - inner[0]), abs(shear - inner[1]))
     off += share * max(abs(opening), abs(shear))
     return Intensity(opening, shear, (modes[0].exponent, modes[1].exponent), off, radius)

@@ -387,7 +387,7 @@ class ElasticResult(BodyResult):
         if left_out:
             away = nearest(sharp, points)[0] > 0.999 * left_out
             value *= away | (not away.any())
-            left_out *= away.any()
+            left_out *= bool(away.any())
         # Along outlines it is known better than at the corners there, and in spite of corners near.
         if along := [*self.largest_along(VON_MISES).values()]:
             near = nearest(points, np.array([place for _, place in along]))[1]

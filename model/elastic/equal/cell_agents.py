@@ -131,12 +131,13 @@ class CellAgents(OnCells):
         which these tell, too. But these cells are too soft, and the same displacement, running from
         corner to corner, has too much energy: the true one lies about half-way.
         """
-        own, stored = self.solution.error, float(self.energies.sum())
+        own, energies = self.solution.error, self.energies
+        stored = float(energies.sum())
         if self.problem.needs_mixed_form or not stored > 0.0 or self.count > MOST_CELLS:
             return own
         moduli = moduli_at(self.moduli, self.law)
-        stiff = fields.energy_of_corners(self.corner_displacement, self.body, moduli)
-        return max(own, sqrt(max(0.5 * (stiff / stored - 1.0), 0.0)))
+        stiff = fields.corner_energies(self.corner_displacement, self.body, moduli)
+        return max(own, sqrt(max(0.5 * float(np.nansum(stiff - energies)) / stored, 0.0)))
 
     @property
     def moved(self) -> Floats:

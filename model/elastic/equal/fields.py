@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from kaju.arrays import Flags, Floats, Ints, moved
+from kaju.arrays import Flags, Floats, Ints, moved, spread
 from kaju.model.elastic.moduli import Moduli
 from kaju.model.elastic.named_supports import support_names, supports_inside
 from kaju.model.results.cuts import resultants
@@ -38,15 +38,20 @@ def node_displacement(problem: ElasticProblem, u: FaceFields) -> Floats:
     return np.stack(nodes, axis=-1)
 
 
-def energy_of_corners(nodes: Floats, body: Flags, moduli: Moduli) -> float:
-    """Return the energy (scaled) of the corners' displacement, multilinear in the body's cells.
+def corner_energies(nodes: Floats, body: Flags, moduli: Moduli) -> Floats:
+    """Return each cell's energy (scaled) of the corners' displacement, multilinear in the body.
 
-    By the points of Gauss; the change of volume is that of each cell's middle, or it would lock.
+    By the points of Gauss; the change of volume is that of the cell's middle, or it would lock. NaN
+    for cells ten times as stiff as one beside them, with which they share corners.
     """
     d = body.ndim
     steps = np.array([*product((0, 1), repeat=d)])
-    parts = (tuple(slice(e, e + n) for e, n in zip(p, body.shape, strict=True)) for p in steps)
+    parts = [tuple(slice(e, e + n) for e, n in zip(p, body.shape, strict=True)) for p in steps]
     corners = np.stack([nodes[part][body] for part in parts], axis=1).reshape(len(moduli.shear), -1)
+    softest = np.full(nodes.shape[:-1], np.inf)
+    for part in parts:
+        softest[part] = np.minimum(softest[part], spread(moduli.shear, body, np.inf))
+    beside = np.min([softest[part][body] for part in parts], axis=0)
     size = corners.shape[1]
     sheared, swelling = np.zeros((size, size)), np.zeros(size)
     for at in product((0.5 - 12**-0.5, 0.5 + 12**-0.5), repeat=d):
@@ -57,8 +62,9 @@ def energy_of_corners(nodes: Floats, body: Flags, moduli: Moduli) -> float:
         strain = 0.5 * (slopes + np.swapaxes(slopes, 0, 1)).reshape(-1, size)
         sheared += strain.T @ strain / 2**d
         swelling += np.einsum("iik->k", slopes) / 2**d
-    energy = moduli.shear @ np.einsum("nk,nk->n", corners @ sheared, corners)
-    return float(energy + 0.5 * moduli.lateral @ (corners @ swelling) ** 2)
+    energy = moduli.shear * np.einsum("nk,nk->n", corners @ sheared, corners)
+    energy += 0.5 * moduli.lateral * (corners @ swelling) ** 2
+    return np.where(moduli.shear <= 10.0 * beside, energy, np.nan)
 
 
 def _edge_values(

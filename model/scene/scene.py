@@ -211,6 +211,10 @@ class Scene(Description):
         if wide > 20.0 and all(one.youngs_modulus > 60e9 for one in self.cell_materials):
             made_of = ", ".join(one.name for one in self.cell_materials)  # metals, glass
             found.append(f"body: {wide:g} m are much for a body of {made_of}; {asked}")
+        if max(map(abs, self.body.gravity or (0.0,))) > 2000.0:
+            found.append(
+                f"body.gravity: {self.body.gravity} m/s² is much: the Earth's is 9.81 m/s²?"
+            )
         thick = self.body.thickness or 0.0  # as it was given
         if self.plane == "stress" and thick > 20.0 * wide:
             found.append(f"body.thickness: {thick:g} m are much for a plate of {wide:g} m; {asked}")

@@ -29,9 +29,8 @@ def points_in(given: Any, dimension: int) -> Floats:
     except (TypeError, ValueError):
         points = np.empty(0)
     if points.ndim != 2 or points.shape[1] != dimension or not np.isfinite(points).all():
-        alone = f" (one point: [({', '.join('xyz'[:dimension])})])" if points.ndim == 1 else ""
-        told = f"points: must be numbers (m) of shape (n, {dimension}){alone}"
-        raise ResultError(f"{told}, got {brief(given)}")
+        told = f"such as [({', '.join('xyz'[:dimension])})], got {brief(given)}"
+        raise ResultError(f"points: must be numbers (m) of shape (n, {dimension}), {told}")
     return points
 
 

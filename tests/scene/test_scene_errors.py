@@ -279,6 +279,8 @@ def test_millimetres_and_gigapascals_are_asked_about():
         pressed = [{"side": "top", "pressure": pressure}]
         small = Scene(body=body | {"size": [0.1, 0.1]}, sides={"bottom": "rigid"}, loads=pressed)
         assert any("reaches only" in note for note in kaju.solve(small).notes) == asked
+    fallen = {"materials": {}, "body.gravity": [0, -9810]}
+    assert "the Earth's is 9.81" in str(wrong.with_overrides(fallen).notes)
     thick = [wrong.with_overrides({"body.thickness": t}).notes for t in (2400.0, 2401.0)]
     assert ["m are much for a plate of 120 m" in str(notes) for notes in thick] == [False, True]
     for wide, told in ((10.0, True), (9.9, False)):  # only small bodies are of foam

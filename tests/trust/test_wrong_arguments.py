@@ -26,7 +26,7 @@ def test_a_file_name_is_no_scene(of):
     (lambda: solve(BLOCK, tolerence=0.1), ParameterError, "did you mean 'tolerance'"),
     (lambda: LoadModel(BLOCK).run(until=0.5), ParameterError, "until: .*, got 0.5"),
     (lambda: solve(BLOCK).displacement_at("middle"), ResultError, "points: must be numbers"),
-    (lambda: solve(BLOCK).displacement_at((0, 0)), ResultError, r"one point: \[\(x, y\)\]"),
+    (lambda: solve(BLOCK).displacement_at((0, 0)), ResultError, r"such as \[\(x, y\)\]"),
     (lambda: solve(BLOCK, goal="bottom"), ParameterError, "bottom is held, and has no deflection"),
 ])  # fmt: skip
 def test_other_things_that_are_no_scene_or_result(call, kind, told):

@@ -207,6 +207,18 @@ def test_agents_cut_by_an_outline_spawn_one_generation_after_another(shown):
             told = page.js(f"{there}.map((i) => page.value(i, '{name}'))")
             np.testing.assert_allclose(np.sort(told), np.sort(known), rtol=1e-6)
     stress = page.js(f"{there}.map((i) => page.value(i, 'von_mises'))")
+    # of the smallest agents near a click that of the largest stress is picked
+    page.tab.set_viewport_size({"width": 1000, "height": 260})
+    page.js("page.draw()")
+    places = np.array(page.js(f"{there}.map((i) => page.view.point(page.middle(i)))"))
+    small = np.array(page.js(f"{there}.map((i) => page.value(i, 'level'))"))
+    near = (small == small.max()) & (np.hypot(*(places - places[small.argmax()]).T) < 7.9)
+    assert near.sum() > 1
+    x, y = places[small.argmax()]
+    page.js("page.canvas.setPointerCapture = () => {}")
+    page.js(f"page.press({{ clientX: 0, clientY: 0, offsetX: {x}, offsetY: {y} }})")
+    picked = page.js("page.picked")
+    assert picked == there[np.where(near, stress, 0.0).argmax()] != there[near.argmax()]
     np.testing.assert_allclose(np.sort(stress), np.sort(result.largest_von_mises), rtol=1e-6)
     assert page.js(FARTHEST) == pytest.approx(result.max_displacement, rel=0.2)
 

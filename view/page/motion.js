@@ -275,9 +275,10 @@ export class MotionPage extends Page {
     this.canvas.setPointerCapture(event.pointerId);
     this.hold = { x: event.clientX, y: event.clientY, ...this.look.camera };
     let best = Infinity;
+    const part = this.look.colour ? 0.005 / this.scale().high : 0;
     for (let i = 0; i < this.count; i++) {
       if (!this.there(i)) continue;
-      const [x, y] = this.view.point(this.middle(i)), off = Math.hypot(x - event.offsetX, y - event.offsetY), far = this.fields.level ? Math.max(8, off) - 0.01 * this.value(i, "level") : off;   // of agents too small to be hit one by one, the smallest
+      const [x, y] = this.view.point(this.middle(i)), off = Math.hypot(x - event.offsetX, y - event.offsetY), far = this.fields.level ? Math.max(8, off) - 0.01 * this.value(i, "level") - part * Math.abs(this.value(i) || 0) : off;   // of agents too small to be hit one by one, the smallest, and of these the one of the largest value
       if (far < best) { best = far; this.picked = i; }
     }
     this.later();

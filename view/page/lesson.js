@@ -308,7 +308,7 @@ function questionCards(lesson, q) {
   lesson.judges = [];
   if (q.kind === "number") {
     const words = q.lines ? textCard(lesson, q, q.fields.length) : [], numbers = make("div", { className: [3, 5, 8].includes(q.fields.length) ? "fields" : "fields pairs" }, ...q.fields.map((field, i) => numberCard(lesson, q, field, i)));
-    list.push(...(q.guess ? textCard(lesson, q.guess) : []), numbers, ...words, lesson.saved);
+    list.push(...(q.guess ? [...textCard(lesson, q.guess), lesson.saved, numbers, ...words] : [numbers, ...words, lesson.saved]));   // what is said stands by what waits
   }
   else list.push(...(q.kind === "cells" && lesson.shown === "guess" ? [] : textCard(lesson, q)), lesson.saved);   // nothing surprises before it is seen
   if (lesson.fixed) list.push(button(t("changeGuess"), () => { lesson.done = lesson.done.filter((step) => step !== q.step); page.seek(q.until ?? 0); page.rebuild(); }, { className: "small" }));

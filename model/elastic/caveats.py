@@ -118,8 +118,11 @@ def _of_error(result: ElasticResult) -> Iterator[str]:
         why, agent = found.stopped, first_largest(result.gap)
         hint = f"; most of it lies at {_point(result.middle[agent])} m"
         if result.goals:  # whose errors lie elsewhere
-            leaps = "; stress may leap there, where a load begins or ends: let it end elsewhere"
-            hint = leaps if why == "stalled" and result.goals[0].place else ""
+            hint, cut = "", result.cut_agents
+            if why == "stalled" and cut is not None and result.goals[0].place:
+                part = any(np.isfinite(load.box).all() for load in cut.ground.loads)
+                leaps = "stress may leap there, where a load begins or ends: let it end elsewhere"
+                hint = f"; {leaps if part else 'another tolerance may lead further'}"
         if why in ("corners", "stalled", "depth") and found.ground.resolution is not None:
             why, hint = "resolution", "; a larger resolution allows smaller ones"
         proved = not (found.no_bound or any(goal.no_bound for goal in found.goals))

@@ -322,18 +322,13 @@ class Scene(Description):
     def notes_on(self, displacement: float, stress: float = 0.0, kind: int = 0) -> tuple[str, ...]:
         """Return the `notes`, and more on a large displacement (m), and stress (Pa) of a kind."""
         share, material = displacement / max(self.lattice.extent), self.cell_materials[kind]
+        name, asked = repr(material.name), "are these metres, newtons and pascals?"
         moved = (
             f"the largest displacement is {share:.2g} times the body's size: are these metres and "
             "pascals? Displacements are taken to be small"
         )
-        small = (
-            f"von Mises reaches only {stress:.2g} Pa in {material.name!r}: are these newtons and "
-            "pascals? 1 MPa is 1e6 Pa"
-        )
-        borne = (
-            f"von Mises reaches {1e-9 * stress:.3g} GPa, more than common {material.name!r} bears: "
-            "are these metres, newtons and pascals?"
-        )
+        small = f"von Mises reaches only {stress:.2g} Pa in {name}: {asked} 1 MPa is 1e6 Pa"
+        borne = f"von Mises reaches {1e-9 * stress:.3g} GPa, more than common {name} bears: {asked}"
         # Of metals, glass and concrete: mild steel yields at 0.1 % of its modulus, breaks at 0.3 %.
         stiff = stress > 0.003 * material.youngs_modulus > 9e7
         least = min((abs(load.pressure or 0.0) for load in self.loads), default=0.0)

@@ -63,8 +63,8 @@ def is_stepped(result: ElasticResult) -> bool:
     return max(slants, default=0.0) > ON_EDGE * grid.lattice.cell_size
 
 
-LOW = "beside curved edges it may be a third too low"
-"""Of a hole of 5 to 10 cells 21 to 27 of 31 MPa were told, by cells that are cut and by steps."""
+LOW = "beside curved edges it may be off by a third or more"
+"""Of a hole of a radius of 2 to 32 cells steps tell 22 to 36 of 31 MPa; cells that are cut less."""
 
 
 MUCH = 0.1

@@ -354,7 +354,8 @@ class ElasticResult(BodyResult):
         ours = *self.found.solution.notes, *self.caveats, *unproved(self)
         peak = self.largest_stress
         kind = max(int(self.material_at(np.array([peak.at]))[0]), 0)
-        asked = self.scene.notes_on(self.max_displacement, peak.value, kind)
+        solved = self.scene if self.scene.outlined else self.grid  # of the cells that were solved
+        asked = solved.notes_on(self.max_displacement, peak.value, kind)
         return tuple(dict.fromkeys((*ours, *asked)))
 
     stepped = cached_property(is_stepped)
@@ -405,7 +406,7 @@ class ElasticResult(BodyResult):
         lattice, sharp = self.scene.lattice, self.sharp_corners
         d, h, own = lattice.dimension, lattice.cell_size, self.grid.lattice.cell_size
         if not len(sharp) or self.stepped:
-            return sharp, h * bool(len(sharp))
+            return sharp, own * bool(len(sharp))
         volume = self.area.sum() if d == 2 else (self.size**3).sum()
         far = min(0.1 * volume / np.prod(np.sort(lattice.extent)[1:]), h)
         far = float(far if self.spawned else max(far, own))

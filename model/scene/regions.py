@@ -174,7 +174,10 @@ class Region(_Shaped):
     )
     # Lines within a line go round holes.
     image: RegionImage | None = None
-    outline: Literal["cells", "true"] = Field(
+    # true without quotes, as in `--set`, means the same
+    outline: Annotated[
+        Literal["cells", "true"], BeforeValidator(lambda given: "true" if given is True else given)
+    ] = Field(
         default="cells", description='"cells" for a staircase of cells, "true" for the shape itself'
     )
     name: Text | None = optional("what loads call the region's outline")

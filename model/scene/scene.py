@@ -34,7 +34,7 @@ from .pictures import Picture, check_size
 from .regions import PIXELS, PathShape, Region, covers, much_larger, reach_of
 from .resolved_body import CellBox, ResolvedBody, check_body, check_outlines, nothing_left, resolve
 from .selection import AppliedLoads, Selection, at_stage, check_gravity, select
-from .shapes import Ball, Polygon, RoundedBox, Shape
+from .shapes import Ball, Box, Polygon, RoundedBox, Shape
 from .surfaces import ClosedSurface
 from .validation import key_path, plain, read_toml, with_lines
 
@@ -241,7 +241,14 @@ class Scene(Description):
             if filled.kind == cell_types.AIR and _meets_edge(shape, self.lattice):
                 told = reach_of(shape, self.lattice, "is it meant so?")
                 found.append(f"{where}: this hole meets the edge of the body: it {told}")
-        return (*found, *self._overlaps, *self._covered, *self._cut_off, *self._missed)
+        return (
+            *found,
+            *self._overlaps,
+            *self._covered,
+            *self._between,
+            *self._cut_off,
+            *self._missed,
+        )
 
     @property
     def _overlaps(self) -> Iterator[str]:
@@ -273,6 +280,31 @@ class Scene(Description):
                 if later > number and other.kind != hole.kind and covers(other.shape, hole.shape):
                     told = "covers this hole; what lies on top comes last"
                     yield f"body.regions.{number}: body.regions.{later} {told}"
+
+    @property
+    def _between(self) -> Iterator[str]:
+        """Which regions of cells have a straight side between lines of cells, in words."""
+        h, size, plane = self.lattice.cell_size, np.array(self.lattice.extent), self.plane
+        for number, region in enumerate(self.body.regions if self.lattice.boxes else ()):
+            shape = self.region_shapes[number]
+            straight = bool(plane) or isinstance(shape, Box | ClosedSurface)
+            if not straight or region.outline == "true" or region.image is not None:
+                continue
+            lines = [np.array(shape.extent)[None]]  # in space from one corner to the other
+            if plane:
+                lines = [arcs[..., :2] / arcs[..., 2:] for arcs in shape.outline()]
+            ends = np.concatenate(lines)
+            along = np.ptp(ends, axis=1) <= (1e-9 * h if plane else np.inf)
+            at, axes = ends[:, [0, -1]].swapaxes(1, 2)[along], np.nonzero(along)[1]
+            off = (np.abs(at / h - np.rint(at / h)) > 0.02) & (at > 0.0) & (at < size[axes, None])
+            if off.any():
+                end, axis = float(at[off][0]), "xyz"[axes[off.any(axis=1)][0]]
+                cure = ', or outline = "true"' * (region.material not in ("rigid", "roller"))
+                yield (
+                    f"body.regions.{number} ends at {axis} = {end:.4g} m, between cells of "
+                    f"{h:.4g} m: the body that is solved ends at {h * np.floor(end / h + 0.5):.4g} "
+                    f"m there; take cells that fit{cure}"
+                )
 
     @property
     def _cut_off(self) -> Iterator[str]:

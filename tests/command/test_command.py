@@ -105,7 +105,7 @@ def test_new_writes_a_scene_that_runs(kaju):
     assert "note: outlines are steps of 0.0125 m" in kaju("check", *stepped)[1]
     told = kaju("solve", *stepped, "--no-pictures")[1]
     assert "MPa     beside curved edges it may be" in told
-    assert told.count("a third too low") == 2  # there, and in a note
+    assert told.count("off by a third or more") == 2  # there, and in a note
     for line in ("agent                0.0125 m", "von Mises at         0.1 m, 0.075 m"):
         assert f"  largest {line}\n" in told
     assert "did you mean 'hole'" in kaju("solve", "part.toml", "--goal", "hol")[2]

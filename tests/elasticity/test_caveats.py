@@ -79,6 +79,21 @@ def plate(regions=(), cells=20, sides=None, **load):
     return loaded([cells] * 2, load, **of)
 
 
+@pytest.mark.parametrize("kind", ["box", "polygon"])
+def test_straight_sides_between_lines_of_cells_are_told(kind):
+    """Cells of 10 mm: a body 97 mm high is one of 100 mm, but of 97 mm by a true outline."""
+    for high, steps in ((0.097, 1), (0.1, 1), (0.105, 2)):
+        corners = [[0.0, 0.0], [0.2, 0.0], [0.2, high], [0.0, high]]
+        part = {kind: corners[::2] if kind == "box" else corners, "material": "air"}
+        body = plate([part], sides={"top": "rigid"}, side="right", force=[100.0, 0.0])
+        notes = str(solve(body, resolution=steps).notes)
+        told = "regions.0 ends at y = 0.097 m, between cells of 0.01 m: the body that is solved"
+        assert (f"{told} ends at 0.1 m there" in notes) == (high < 0.1)
+        assert ("between cells" in notes) == (high < 0.1)
+        true = body.with_overrides({"body.regions.0.outline": "true"})
+        assert "between cells" not in str(true.notes)
+
+
 def on(kind, *at, **load):
     """A load on a disk (x, y, radius) or the body's part in a box or a polygon."""
     shape = {"centre": at[:2], "radius": at[2]} if kind == "disk" else list(at)

@@ -154,7 +154,7 @@ def test_answers_are_stored_and_drawn(tmp_path: Path) -> None:
     table, told = answer.to_dataframe(), answer.summary()
     assert told["agents"] == len(table) == len(answer.energy)
     assert table["volume (m³)"].sum() == pytest.approx(1.0 - np.pi * 0.62**3 / 6.0, rel=1e-3)
-    assert "third too low" in told["largest_stress_Pa_doubt"]
+    assert "off by a third" in told["largest_stress_Pa_doubt"]
     aligned = kaju.solve(block(4, {"box": [[0.0] * 3, [0.5] * 3]})).summary()
     assert aligned["largest_stress_Pa_doubt"] == "may be off by about 32% or more"
     assert 0.0 < again.seconds == answer.seconds < 600.0

@@ -140,7 +140,7 @@ def sweep(
         require(callable(given) or isinstance(given, Scene), told)
     points = points_of(vary, method, samples, _whole("seed", seed, 0))
     options = [key for key in points[0] if key.startswith("run.") and key != "run.rng"]
-    cure = "as functools.partial(kaju.LoadModel, material_agent=Mine), or kaju.solve"
+    cure = "as functools.partial(kaju.LoadModel, material_agent=Mine), or kaju.solve (--run solve)"
     told = f"{''.join(options[:1])}: is an option of run=; give one that takes it, {cure}"
     require(run is not by_its_kind or not options, told)
     runs = SweepRun(subject, run, _checked(measure), seed)

@@ -287,6 +287,8 @@ def test_the_strength_at_which_nothing_breaks_is_found_by_the_slider(opened, tmp
         assert f", {broken} gebrochen." in page.text("aside .flow")
         assert page.js("page.values('state broken').filter((v) => v === 1).length") == broken
     assert "1 Agent, 1 Generation, 2 N aufgenommen, 1 gebrochen" in page.text("aside .flow")
+    assert "Wettbewerb" not in page.text("aside .flow")  # it is that of the last question
+    page.js("page.lesson.go(4)")
     page.tab.get_by_label("Beginne mit").select_option("leaking")  # a load at the foot wins nothing
     page.until("page.studio.result?.agents === 34")
     page.js("page.loads.edit(0, {cell: [3, 0], force: [0, -2]})")

@@ -69,7 +69,8 @@ export function told(t, { error, args = [], line }, code) {
 
 export class Workshop {
   constructor(page, { code, needs, values, ready, blob, licence }) {
-    Object.assign(this, { page, code, needs, ready, blob, licence, first: code, ran: code, words: Object.assign({}, ...Object.values(ready).map((one) => one.words)), parameters: [], names: [], values, begun: values, printed: "", problem: null, active: false, foreign: false, asks: !page.own?.source });
+    Object.assign(this, { page, code, needs, ready, blob, licence, first: code, ran: code, brought: code, words: Object.assign({}, ...Object.values(ready).map((one) => one.words)), parameters: [], names: [], values, begun: values, printed: "", problem: null, active: false, foreign: false, asks: !page.own?.source });
+    this.chosen = this.named(code);
     globalThis.kaju = { runAgent: (text) => this.run(text) };
     setTimeout(() => this.wake(), 50);
   }
@@ -86,7 +87,9 @@ export class Workshop {
   run(code = this.code, lines = false) {
     if (this.busy) this.drop();
     if (code !== this.code) { this.code = code; if (this.field) { this.field.value = code; this.number(); } }
+    const other = code !== this.ran;
     Object.assign(this, { active: true, ran: code, foreign: false, printed: "", problem: null, again: false, line: 0, shown: 0, retried: lines });
+    if (other) this.page.past.note();
     const { page } = this, no = refused(code), result = this.pending ?? Promise.withResolvers?.() ?? {};
     if (!result.promise) result.promise = new Promise((resolve) => { result.resolve = resolve; });
     this.pending = result;
@@ -158,10 +161,21 @@ export class Workshop {
     if (this.page.pressed) setTimeout(() => this.tell(), 50);
     else { this.page.rebuild(); if (this.problem && this.field?.isConnected) this.mark(this.problem.line); }
   }
-  /** Back to the standard rule. */
-  leave() { if (this.busy) this.drop(); this.active = false; this.problem = null; this.page.look.colour = "taken"; this.page.renew(Infinity); this.page.rebuild(); }
+  /** Which of the ready agents a code is. */
+  named(code) { return Object.keys(this.ready).find((n) => this.ready[n].code === code) ?? ""; }
+  /** The code that was begun with. */
+  get base() { return this.ready[this.chosen]?.code ?? this.brought; }
+  /** Begin with an agent, again too; lines that were not yet run can be got back. */
+  put(chosen) {
+    const { page: { past }, code, ran, foreign } = this;
+    if (code !== ran && !foreign) { this.ran = code; past.note(); past.gesture++; }
+    Object.assign(this, { chosen, values: chosen ? {} : this.begun });
+    this.code = this.field.value = this.base; this.page.goal = null;
+  }
+  /** Back to the standard rule, in the picture and in the editor. */
+  leave() { if (this.busy) this.drop(); this.put("standard"); Object.assign(this, { active: false, foreign: false, problem: null, ran: this.code }); this.page.past.note(); this.page.look.colour = "taken"; this.page.renew(Infinity); this.page.rebuild(); }
   /** Code that came with a link or a file is shown, and runs when somebody says so. */
-  offer(code) { this.code = code; this.foreign = true; this.page.tab = "code"; if (this.field) this.field.value = code; this.page.rebuild(); }
+  offer(code) { this.code = this.brought = code; this.chosen = this.named(code); this.foreign = true; this.page.tab = "code"; if (this.field) this.field.value = code; this.page.rebuild(); }
 
   // ------------------------------------------------------------------------------ the editor
   panel() {
@@ -171,20 +185,22 @@ export class Workshop {
     this.field.ariaLabel = t("codeField");
     this.gutter ??= make("div", { className: "gutter", ariaHidden: "true" });
     this.number();
-    const titles = Object.keys(this.ready), choose = choice(t("readyAgents"), this.chosen ?? "", [["", "–"], ...titles.map((n) => [n, page.say(this.ready[n].name)])], (n) => { if (n) { this.chosen = n; this.values = {}; page.goal = null; this.code = this.field.value = this.ready[n].code; this.run(); page.rebuild(); } });
+    const titles = Object.keys(this.ready), choose = choice(t("readyAgents"), this.chosen, [...(this.chosen ? [] : [["", "–"]]), ...titles.map((n) => [n, page.say(this.ready[n].name)])], (n) => { if (n) { this.put(n); this.run(); page.rebuild(); } });
+    this.anew = button(t("startAgain"), () => { this.put(this.chosen); if (!this.foreign) this.run(); page.rebuild(); });
     const asks = this.asIs ? [make("p", { className: "soft", textContent: page.say(this.asIs.question) })] : [];
     const bars = this.active ? this.parameters.map((p) => (typeof p.value === "boolean" ? tick(page.say(this.called(p.label)), p.value, (on) => this.turn(p, on))
       : slider(page.say(this.called(p.label)), { value: p.value, min: p.low, max: p.high, step: p.whole ? 1 : roundDown((p.high - p.low) / 500), show: (v) => general(v, 4), t }, (v) => this.turn(p, v)))) : [];
     this.out = make("p", { role: "status" }); this.say();
     const game = make("p", { className: "soft small", textContent: t("challengeIs", { a: general(this.applied(), 3), w: general(0.95 * this.applied(), 3) }) }), score = make("p", { className: "small", role: "status", textContent: this.challenge().filter(Boolean).join(" · ") });
-    return [choose, ...asks, this.out, ...(this.problem ? [make("p", { className: "soft small", textContent: t("oldPicture") })] : []), ...bars, make("div", { className: "editor" }, this.gutter, this.field),
-      make("div", { className: "tools" }, button(`${t("runCode")} (${/Mac|iP/.test(navigator.platform) ? "⌘ Enter" : t("runKeys")})`, () => { page.goal = null; this.run(); this.say(); }, { className: "main" }), button(t("saveAgent"), () => this.save()), button(t("standardRule"), () => this.leave())),
-      ...((page.lesson?.step ?? "try") === "try" && this.asks ? [game, score] : []), ...(this.printed ? [make("pre", { className: "printed", tabIndex: 0, textContent: this.printed + (this.shown > PRINTED ? `… ${this.shown}` : "") })] : [])];
+    return [choose, ...asks, this.out, ...(this.problem ? [make("p", { className: "soft small", textContent: t(page.own ? "oldPicture" : "standardPicture") })] : []), ...bars, make("div", { className: "editor" }, this.gutter, this.field),
+      make("div", { className: "tools" }, button(`${t("runCode")} (${/Mac|iP/.test(navigator.platform) ? "⌘ Enter" : t("runKeys")})`, () => { page.goal = null; this.run(); this.say(); }, { className: "main" }), this.anew, button(t("saveAgent"), () => this.save()), button(t("standardRule"), () => this.leave())),
+      ...([undefined, page.lesson?.questions.at(-1)].includes(page.lesson?.question) && this.asks ? [game, score] : []), ...(this.printed ? [make("pre", { className: "printed", tabIndex: 0, textContent: this.printed + (this.shown > PRINTED ? `… ${this.shown}` : "") })] : [])];
   }
   /** Say how the run went, or what hinders one; also that the lines are others by now. */
   say() {
     const { page: { t }, code, problem, foreign } = this, no = refused(code), lacks = no ? [no.word] : code === this.first ? this.needs : [], score = this.active && this.result?.agents !== undefined && this.score();
     const words = problem ? problem.error : code !== this.ran && !foreign ? (score ? `${t("notRun")} ${score}` : t("codeHint")) : lacks.length ? t("notInPage", { n: lacks.join("`, `") }) : foreign ? t("foreign") : this.pending ? t("solving") : score || t(...(this.whose ? ["otherAgents", { n: this.whose }] : ["codeHint"]));
+    this.anew.disabled = code === this.base;
     Object.assign(this.out, { className: problem ? "verdict bad" : "verdict open" }).replaceChildren(...words.split("`").map((part, n) => (n % 2 ? make("code", { textContent: part }) : part)));
   }
   score() {
@@ -223,6 +239,7 @@ export class Workshop {
     const { field } = this, { value, selectionStart: at, selectionEnd: to } = field, start = value.lastIndexOf("\n", at - 1) + 1;
     const type = (text) => { event.preventDefault(); document.execCommand("insertText", false, text); };
     if (event.key === "Enter" && (event.ctrlKey || event.metaKey)) { event.preventDefault(); this.run(); return; }
+    if ((event.ctrlKey || event.metaKey) && event.key.toLowerCase() === "z" && value === this.ran) { event.preventDefault(); this.page.past.go(event.shiftKey ? 1 : -1); return; }   // nothing typed since it ran
     if (event.key === "Escape") { this.left = true; return; }   // then Tab leaves the editor
     if (event.key === "Tab" && !this.left && !event.shiftKey) type(" ".repeat(4 - (at - start) % 4));
     else if (event.key === "Tab" && !this.left && value.slice(start, start + 4) === "    ") { field.setSelectionRange(start, start + 4); type(""); }

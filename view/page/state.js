@@ -32,14 +32,15 @@ export class Past {
 
 /** What is undone and linked; cells are never edited in place, so that they need no copy. */
 export function stateOf(page) {
-  const { scene, cells, stage, factor, look, lesson } = page;
-  return { scene: structuredClone(scene), cells, stage, factor, look: structuredClone({ ...look, camera: undefined, speed: undefined }), guesses: structuredClone(lesson?.guesses) };
+  const { scene, cells, stage, factor, look, lesson, studio } = page;
+  return { scene: structuredClone(scene), cells, stage, factor, look: structuredClone({ ...look, camera: undefined, speed: undefined }), guesses: structuredClone(lesson?.guesses), ran: studio?.ran, chosen: studio?.chosen };
 }
-export function restore(page, { scene, cells, stage, factor, look, guesses }) {
+export function restore(page, { scene, cells, stage, factor, look, guesses, ran, chosen }) {
   const { camera, speed } = page.look, mode = page.look.mode;
   const same = JSON.stringify([scene, stage]) === JSON.stringify([page.scene, page.stage]) && cells === page.cells;
   Object.assign(page.look, structuredClone(look), { camera, speed });
   if (page.lesson && guesses) page.lesson.guesses = structuredClone(guesses);
+  if (page.studio && ran !== page.studio.ran) { page.studio.chosen = chosen; page.studio.run(ran); }
   if (!same) {
     Object.assign(page, { scene: structuredClone(scene), cells, stage, factor, material: "" });
     page.change(() => {});

@@ -98,7 +98,7 @@ export class Workshop {
     this.wake();
     const worker = this.worker;
     this.awake.then(() => {
-      if (worker !== this.worker || !this.active) return;
+      if (worker !== this.worker || !this.active || code !== this.ran) return;   // of runs asked for while it wakes the last
       worker.postMessage({ ...this.given(code), lines });
       this.busy = true; this.wait();
     });

@@ -314,11 +314,13 @@ def test_the_editor_is_used_by_keys_alone_and_open_to_everybody(opened, pages):
     page.until("page.studio.result?.agents > 0")
     page.check_open_to_everybody(390)
     page.tab.get_by_label("Begin with").select_option("pillar")
+    page.until("!page.studio.pending")
     field.press("Control+End")
     page.tab.keyboard.type("garbage(")
     page.tab.keyboard.press("Control+Enter")
     page.until("page.studio.problem")
     field.press("Control+z")  # nothing was typed since it ran: the run before
+    page.until("!page.studio.pending")
     pillar, standard = (READY[name]["code"] for name in ("pillar", "standard"))
     assert field.input_value() == pillar
     for begin, code in (("Start this agent again", pillar), ("Standard rule", standard)):
@@ -331,6 +333,7 @@ def test_the_editor_is_used_by_keys_alone_and_open_to_everybody(opened, pages):
         page.until("page.studio.problem")
         assert ("standard rule" in page.text(".body")) == (code == standard)
         page.press("Start this agent again")
+        page.until("!page.studio.pending")
 
 
 WHOLE, Base = 1.0, MaterialAgent

@@ -535,3 +535,14 @@ def test_a_side_that_rounds_off_is_loaded_as_far_as_it_is_straight(force: list[f
         assert answer.tolerance_kept == "proved"
         bounds.append(answer.energy_bounds)
     assert max(low for low, _ in bounds) < min(high for _, high in bounds)
+
+
+@pytest.mark.slow
+def test_a_tiny_tolerance_does_not_spoil_what_was_known() -> None:
+    """With 40,000 agents rounding errors win: the error was 0.0017, and then 1.2."""
+    bracket = kaju.load_scene(Path(kaju.__file__).parent / "bracket.toml")
+    answer = kaju.solve(bracket, tolerance=1e-6)
+    assert answer.tolerance_kept == "missed"
+    assert answer.error_bound == min(step.error for step in answer.generations) < 0.002
+    assert answer.largest_stress.value == pytest.approx(31.44e6, rel=0.02)
+    assert abs(answer.stress[:, 0, 0]).max() < 1.01 * answer.largest_stress.value

@@ -104,7 +104,7 @@ class CutLoop(PairLoop):
         self._judges = judges or [self._by_energy]
 
     def step(self) -> None:
-        """Go on; keep the best generation of a peak, which too small agents may lose again."""
+        """Go on; keep the best generation, which too small agents may lose again."""
         super().step()
         if len(self.generations) == 1 or self._judged.error < self._kept[1].error:
             self._kept = self.last, self._judged, len(self.generations)
@@ -177,9 +177,9 @@ class CutLoop(PairLoop):
         return Judged((goal,), error, part / scale, False, wanted, np.zeros_like(pair.leaves.size))
 
     def outcome(self) -> CutAgents:
-        """Return the agents as they are, or as they were when a peak was known far better."""
+        """Return the agents as they are, or as they were when far more was known."""
         found = copy(self)
-        if self._asked and self.stopped and self._judged.error > 2.0 * self._kept[1].error:
+        if self.stopped and self._judged.error > 2.0 * self._kept[1].error:
             found.last, found._judged, count = self._kept
             found.generations = self.generations[:count]
         agents = CutAgents(self.body, *found._told(), found.last)

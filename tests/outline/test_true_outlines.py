@@ -359,7 +359,11 @@ def boxed(left: float, bottom: float, right: float, top: float, **load: Any) -> 
 
 @pytest.mark.parametrize(("scene", "told"), [
     (plate(10.0), "nothing of the body"),
-    (plate().with_region("air", **WAVE), r"regions\.\d: .* touches itself"),
+    pytest.param(
+        plate().with_region("air", **WAVE),
+        r"regions\.\d: .* touches itself",
+        marks=pytest.mark.slow,
+    ),
     (PRESSED.with_region(**NEAR), r"loads\.0\.outline"),
     (plate(loads=[{"side": "right", "force": [x, 0.0]} for x in (1.0, -1.0)]), "cancel"),
     (plate().with_region("rigid", **NEAR), r"regions\.1\.material: what is rigid meets"),

@@ -23,7 +23,7 @@ from lesson_texts import HEADINGS, LESSONS, ORDER, lesson  # noqa: E402
 from kaju.model.fracture.fracture_model import PARTED  # noqa: E402
 from kaju.view.page.python import header  # noqa: E402
 
-LONG = {"a-noodle-remembers": pytest.mark.slow, "bones-and-bridges": pytest.mark.slow}
+LONG = dict.fromkeys(["a-noodle-remembers", "bones-and-bridges", "blow-up"], pytest.mark.slow)
 
 
 @pytest.mark.parametrize("name", [pytest.param(name, marks=LONG.get(name, ())) for name in ORDER])
@@ -213,6 +213,7 @@ def test_a_guess_is_not_judged_and_what_a_question_looks_at_is_there(opened, tmp
     assert "Every load ends" in page.text(".verdict")
 
 
+@pytest.mark.slow
 def test_a_drawing_is_a_guess_and_a_number_rounded_well_is_nearly_right(opened, tmp_path):
     page = opened(*make_pages.make_lesson(lesson("arching"), tmp_path))
     page.press("Next: Step")

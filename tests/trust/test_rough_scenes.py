@@ -79,6 +79,7 @@ def test_a_bed_too_soft_for_the_digits_there_are_is_refused_or_missed():
     assert missed.energy_bounds[0] <= 0.5e6 <= missed.energy_bounds[1]
 
 
+@pytest.mark.slow
 def test_a_tolerance_out_of_reach_is_refused_before_it_takes_hours():
     load = {"side": "top", "force": [0.0, 0.0, -1.0]}
     scene = plate([4, 4, 4], None, size=[1.0, 1.0, 1.0], loads=[load])

@@ -70,10 +70,9 @@ def check_class(name: str, agent: object, base: type) -> None:
         told = f"{whose}.{hook} takes {signature(function)}, but a model calls it with"
         cure = "; take *start and call super().__init__(*start) first" * (hook == "__init__")
         require(takes(function, *start), f"{told} ({', '.join(start)}){cure}")
-        rows = hook == "emissions" and isgeneratorfunction(function)  # one by one is as good
-        idle = isgeneratorfunction(function) or iscoroutinefunction(function)
+        yields = hook != "emissions" and isgeneratorfunction(function)  # whose rows may be yielded
         told = f"{whose}.{hook} has a yield or is async, so calling it does nothing; take that out"
-        require(rows or not idle, told)
+        require(not (yields or iscoroutinefunction(function)), told)
     told = f"{whose}.step never calls super().step(), so loads would wait for ever; call it,"
     names = _names_in(brought.get("step"))
     names = names.union(*(_names_in(brought[name]) for name in names & {*brought} - {"step"}))

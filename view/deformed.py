@@ -192,9 +192,8 @@ def plot_deformed(
     check_number("share", share, 1)
     result = settled(result)
     layer = layer_of(result, cut, crop)
-    values = result.largest_von_mises
-    if colour == "displacement":
-        values = np.linalg.norm(result.displacement, axis=1)
+    moves = colour == "displacement"
+    values = np.linalg.norm(result.displacement, axis=1) if moves else result.largest_von_mises
     tiles = moving_agents(result, layer, values)
     top, beyond = usual_top(tiles.value, tiles.edge)
     picture, magnified = draw_deformed(

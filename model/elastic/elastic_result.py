@@ -31,7 +31,7 @@ from kaju.model.elastic.goals.quantities import (
     unit_of,
 )
 from kaju.model.elastic.intensity import intensity
-from kaju.model.elastic.moduli import equivalent_stress, strain_of
+from kaju.model.elastic.moduli import equivalent_stress, least_equivalent, strain_of
 from kaju.model.elastic.pair.answer import PairAgents
 from kaju.model.elastic.pair.cut_agents import CutAgents
 from kaju.model.elastic.pair.history import Family
@@ -381,10 +381,8 @@ class ElasticResult(BodyResult):
             around = (sharp[:, None] + ways).reshape(-1, 2)
             around, cells = self.found.located(around[self.holds(around)])
             told, law = self.found.stresses_at(around, cells), self.found.law_at(around, cells)
-            points, value = (
-                np.concatenate([points, around]),
-                np.append(value, self._least(told, law)),
-            )
+            points = np.concatenate([points, around])
+            value = np.append(value, self._least(told, law))
         if left_out:
             away = nearest(sharp, points)[0] > 0.999 * left_out
             value *= away | (not away.any())
@@ -447,9 +445,8 @@ class ElasticResult(BodyResult):
 
     def _least(self, told: tuple[Floats, ...], law: Ints) -> Floats:
         """Return the equivalent stress (Pa) that all stresses of some points reach."""
-        moduli, plane = self.found.moduli, self.scene.plane
-        reached = [equivalent_stress(one, moduli, law, plane) for one in told]
-        return np.asarray(self.found.scales.stress * np.min(reached, axis=0))
+        found = self.found
+        return found.scales.stress * least_equivalent(told, found.moduli, law, self.scene.plane)
 
     @cached_property
     def sharp_corners(self) -> Floats:

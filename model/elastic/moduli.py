@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -70,3 +71,11 @@ def equivalent_stress(
     mean, d = (trace + across) / 3.0, stress.shape[-1]
     square = ((stress - mean[..., None, None] * np.eye(d)) ** 2).sum(axis=(-2, -1))
     return np.asarray(np.sqrt(1.5 * (square + ((across - mean) ** 2 if d == 2 else 0.0))))
+
+
+def least_equivalent(
+    stresses: Iterable[Floats], moduli: Moduli, kinds: Ints, plane: str | None
+) -> Floats:
+    """Return the equivalent stress that all of some opinions on the same places reach."""
+    reached = [equivalent_stress(one, moduli, kinds, plane) for one in stresses]
+    return np.asarray(np.min(reached, axis=0))

@@ -26,7 +26,7 @@ from kaju.model.elastic.goals.quantities import (
     is_point,
     quantities_of,
 )
-from kaju.model.elastic.moduli import Moduli, equivalent_stress
+from kaju.model.elastic.moduli import Moduli, least_equivalent
 from kaju.model.outline.hoop_stress import HoopStress, turn_in
 from kaju.model.outline.leaf_triangles import VagueError, leaf_triangles
 from kaju.model.outline.posed_outlines import SIDES, OutlinedBody, UnlikeError, check_alone
@@ -212,9 +212,8 @@ def _narrow(pair: CutPair, along: HoopStress) -> Ints:
     Such hold a narrow part of the body, between the outline and another edge.
     """
     leaf, at, told = pair.at_corners
-    plane, moduli = pair.body.asked.plane, Moduli(*pair.body.moduli)
-    kind = pair.leaves.kind[leaf]
-    least = np.min([equivalent_stress(one, moduli, kind, plane) for one in told], axis=0)
+    kind, plane = pair.leaves.kind[leaf], pair.body.asked.plane
+    least = least_equivalent(told, Moduli(*pair.body.moduli), kind, plane)
     sharp = pair.body.without_limit / pair.body.edge
     if len(sharp):
         least[nearest(sharp, at)[0] < 2.0 * UNIT * pair.leaves.size[leaf]] = 0.0

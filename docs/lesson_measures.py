@@ -304,6 +304,9 @@ def _round_hole(run: Callable[..., Any]) -> Words:
         "about": lambda value, wanted: abs(value / wanted - 1.0) < 0.05,
         "far": far,
         "peak": peak,
+        "side": lambda page: float(  # of the agent of the peak, in millimetres
+            1e3 * run(page).size[run(page).largest_von_mises.argmax()]
+        ),
         "hoop": hoop,
         "factor": lambda page="": float(hoop(page).max() / pull),
         "gap": lambda page="": (

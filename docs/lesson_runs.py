@@ -150,12 +150,16 @@ PAGES: dict[str, dict[str, Run]] = {
         "lying": partial(holed, 0.005, 0.015),
         "steps": partial(holed, 0.01, 0.01, cells=40, tolerance=None),
         "steps-fine": partial(holed, 0.01, 0.01, cells=40, tolerance=0.005),
+        "more": partial(holed, 0.01, 0.01, tolerance=0.001),
     },
 }
 """What is shown, by lesson and page; the nameless page is the lesson's own."""
 EVIDENCE: dict[str, dict[str, Run]] = {
     "agents-of-many-sizes": {"sixteenth": partial(spawned, plate(), 0.00125)},
-    "two-wrong-answers": {"bar": partial(spawned, bar())},
+    "two-wrong-answers": {
+        "bar": partial(spawned, bar()),
+        "finer": partial(spawned, broad(5), 0.001),
+    },
     "how-things-break": {
         **{f"net-{seed}": partial(torn, 2.0, seed=seed) for seed in (1, 2, 3)},
         **{f"rough-{seed}": partial(torn, 2.0, scatter=0.7, seed=seed) for seed in (1, 2, 3)},
@@ -166,7 +170,6 @@ EVIDENCE: dict[str, dict[str, Run]] = {
         "steps-larger": partial(holed, 0.01, 0.01, cells=40, tolerance=0.01),
         "steps-tiny": partial(holed, 0.01, 0.01, cells=40, tolerance=0.002),
         "fewer": partial(holed, 0.01, 0.01, tolerance=0.02),
-        "more": partial(holed, 0.01, 0.01, tolerance=0.001),
         "coarse": partial(holed, 0.01, 0.01, tolerance=0.1),
     },
 }

@@ -20,7 +20,7 @@ from typing import Any
 
 import lesson_runs
 import numpy as np
-from lesson_measures import answers
+from lesson_measures import PLANE, answers
 from lesson_texts import HEADINGS, ORDER, Lesson, Question, lesson, plain
 from matplotlib.figure import Figure
 
@@ -83,10 +83,8 @@ def _page_question(of: Lesson, number: int) -> dict[str, Any]:
     if "answers" in kind:
         said = asked["en"].asks + asked["en"].note + str(asked["en"].fields)
         told["rounds"] = "rounded" in said  # it says itself how
-        if not any(re.search(r"\b(p\[|ready\(|with_\()", each) for each in kind["answers"]):
-            told["marked"] = told["show"]["preset"]  # all its numbers are of this body
         told["fields"] = [
-            _page_field(asked, n, value, tolerance(kind, n, value))
+            _page_field(asked, n, value, tolerance(kind, n, value)) | _run_of(kind, n)
             for n, value in enumerate(answers(of, number))
         ]
     return told
@@ -107,6 +105,15 @@ def _page_field(
         "answer": round(value, 6),
         "tolerance": tolerance,
     }
+
+
+def _run_of(kind: dict[str, Any], field: int) -> dict[str, int]:
+    """Return of which preset's run an answer is read; nothing if of several or of none."""
+    answer = kind["answers"][min(field, len(kind["answers"]) - 1)]
+    words = PLANE.keys() & set(re.findall(r"\w+", answer)) - {"derived"}
+    runs = set(re.findall(r"\bp\[(\d+)\]", answer)) or {kind.get("preset", 0)}
+    one = words and not words & {"ready", "with_"} and len(runs) == 1
+    return {"of": int(runs.pop())} if one else {}
 
 
 def tolerance(kind: dict[str, Any], field: int, value: float) -> float:

@@ -214,6 +214,39 @@ def test_a_guess_is_not_judged_and_what_a_question_looks_at_is_there(opened, tmp
 
 
 @pytest.mark.slow
+def test_a_number_tells_its_run_and_a_tap_on_the_divider_reads_the_cell(opened, tmp_path):
+    page = opened(*make_pages.make_lesson(lesson("the-right-numbers"), tmp_path))
+    page.js("(page.lesson.go(2), page.rebuild())")
+    for question, typed, verdict in [
+        (2, "51.5", "look again · Numbers are marked for the run “Fitted”."),
+        (4, "35", "as a share of 1, please"),
+    ]:
+        page.js(f"(page.lesson.go({question}), page.rebuild())")
+        page.tab.locator("input.field").first.fill(typed)
+        page.tab.locator("input.field").first.press("Tab")
+        assert page.text(".fields [role=status] >> nth=0") == verdict
+    page.press("Swipe")
+    page.js("(page.look.twin.split = 5.5, page.draw())")
+    page.click((5, 9))
+    page.until("(page.draw(), page.parts.cap.textContent.startsWith('(5, 9): rule 6.05 nm'))")
+
+
+@pytest.mark.slow
+def test_other_pages_print_the_drawing_of_the_first_and_tell_an_agents_side(opened, tmp_path):
+    first, *_, fine, _ = make_pages.make_lesson(lesson("a-round-hole"), tmp_path)
+    kept = "localStorage[page.lesson.drawing(page.lesson.questions[0])]"
+    drawn = opened(first).js(f"(page.lesson.to('#'), {kept})")
+    assert drawn.startswith("data:image/png")
+    page = opened(fine)
+    page.js(f"({kept} = {drawn!r}, dispatchEvent(new Event('beforeprint')))")
+    assert page.js("page.root.querySelector('.sheet img').src") == drawn
+    page.js("(page.seek(9), page.look.colour = 'von_mises')")
+    most = "(best, v, i, all) => (v > (all[best] || 0) ? i : best)"
+    worst = f"page.fields.von_mises.at(-1).reduce({most}, 0)"
+    assert page.js(f"(page.picked = {worst}, page.reading)").endswith("· side 39.06 µm")
+
+
+@pytest.mark.slow
 def test_a_drawing_is_a_guess_and_a_number_rounded_well_is_nearly_right(opened, tmp_path):
     page = opened(*make_pages.make_lesson(lesson("arching"), tmp_path))
     page.press("Next: Step")
@@ -227,6 +260,7 @@ def test_a_drawing_is_a_guess_and_a_number_rounded_well_is_nearly_right(opened, 
     told |= {"15.5": "look again · right within ± ", "15400": "check the unit: is it in N?"}
     told |= {"14.2": "look again", "1540": "look again"}
     told |= {"9": "look again"}  # of nothing every thousandth is right
+    page.js("page.load(page.presets[1])")  # the run that it is read from
     for typed, verdict in told.items():
         page.js(f"(page.lesson.question.fields[3].answer *= {float(typed != '9')})")
         field.fill(typed)

@@ -26,6 +26,7 @@ export class Lesson {
     if (this.was > 0) this.go(this.was); else this.open(0, true);
   }
   get place() { return `kaju:lesson:${this.key}`; }
+  drawing(q) { return `kaju:drawing:${this.key}:${q.key}`; }   // what other pages of the lesson print for it
   read() {                                     // storage fails in private windows and in some files
     try {
       const kept = JSON.parse(localStorage.getItem(this.place) ?? "{}");
@@ -90,6 +91,7 @@ export class Lesson {
   }
   /** To another page of the lesson, in the same tab if this computer keeps the answers. */
   to(file, ...signs) {
+    if (this.keeps) this.questions.filter((q) => drawsBody(q) && q.pages?.includes(this.here)).forEach((q) => localStorage.setItem(this.drawing(q), bodyOf(this.page, q).src));
     if (this.keeps) location.href = [file, [...signs, ...(this.teacher ? ["teacher"] : [])].join("&")].filter(Boolean).join("#");
     return this.keeps;
   }
@@ -362,7 +364,10 @@ function judged(lesson, q, i, text) {
   if ((!q.rounds || digits.length > 1) && off < 0.4 * Math.abs(field.answer) && off <= 0.5000001 * Math.abs(v) / Number(digits)) return t("moreDigits");   // rounded well, but too far: to half a step of its last digit
   if (q.fields.some((other, j) => j !== i && isRight(other, v) && isRight(field, lesson.number(q, j)))) return t("exchanged");
   if (unit === "%" && !/[%％]/.test(text) && isRight(field, 100 * v)) return t("notIn", { u: t("percent") });
+  if (!unit && Math.abs(field.answer) < 1 && isRight(field, v / 100)) return t("asShare");
   if (unit && field.answer && [0.001, 1000, ...(unit.includes("cm") ? [0.01, 100] : [])].some((f) => isRight(field, f * v))) return t("checkUnit", { u: unit });
+  const run = page.presets[field.of];          // the one that its number is read from
+  if (run && !page.isAs(run)) return `${t("lookAgain")} · ${t("markedFor", { p: page.nameOf(run) })}`;
   return t("lookAgain") + (field.tolerance > 0 && field.tolerance === Number(field.tolerance.toPrecision(2)) && !q.rounds && off < 2 * field.tolerance ? ` · ${t("within", { e: `${general(field.tolerance, 2)}${unit === "%" ? ` ${t("points")}` : ""}` })}` : "");
 }
 
@@ -382,8 +387,8 @@ function stepCards(page) {
   if (lesson.step === "predict") return lesson.secret ? [] : [...about, ...cards];
   if (!touchable && lesson.wide.matches) { page.stageBox.append(...charts.splice(0)); page.stageBox.classList.toggle("low", page.sides[0] > 1.6 * page.sides[1]); }   // curves to be read stand beside the picture, so that the fields are in reach
   parts.presets = page.presets.map((preset) => button(page.nameOf(preset), () => { page.load(preset); page.seek(Math.min(lesson.question?.show?.generation ?? 0, lesson.limit)); }));
-  const { marked, show: { rule: typed, sentence, curve, own, preset: its } = {} } = lesson.question ?? {}, few = (open) => fold(t("rule"), rulePanel(page, true), open), read = typed || curve || !touchable ? charts.splice(0) : [];   // below a question stands what is asked for
-  const tries = touchable && page.presets.length > 1 ? [...(marked === undefined ? [] : [make("small", { className: "soft", textContent: t("markedFor", { p: page.nameOf(page.presets[marked]) }) })]), make("div", { className: "presets" }, ...page.presets.flatMap((preset, n) => own && n !== its ? [] : make("div", {}, parts.presets[n], ...(page.say(preset.note) ? [rendered(page.say(preset.note))] : []))))] : [];
+  const { fields, show: { rule: typed, sentence, curve, own, preset: its } = {} } = lesson.question ?? {}, [marked, other] = new Set(fields?.map(({ of }) => of)), few = (open) => fold(t("rule"), rulePanel(page, true), open), read = typed || curve || !touchable ? charts.splice(0) : [];   // below a question stands what is asked for
+  const tries = touchable && page.presets.length > 1 ? [...(marked === undefined || other !== undefined ? [] : [make("small", { className: "soft", textContent: t("markedFor", { p: page.nameOf(page.presets[marked]) }) })]), make("div", { className: "presets" }, ...page.presets.flatMap((preset, n) => own && n !== its ? [] : make("div", {}, parts.presets[n], ...(page.say(preset.note) ? [rendered(page.say(preset.note))] : []))))] : [];
   const near = [...(sentence ? [parts.verdict] : []), ...(typed || sentence ? [few(true)] : []), ...(typed ? read.splice(0) : [])], first = [...near, ...tries, ...code, ...cards, ...read, ...story, ...about];
   if (lesson.step === "step") return [...first, ...(touchable && !near.length && !page.studio ? [few(false)] : []), look];
   const rest = lesson.step === "try" ? ["rule", "draw"].filter((name) => panels[name] && (name === "draw" || !near.length)).map((name) => fold(t(name), panels[name]())) : [];
@@ -440,8 +445,8 @@ function answerOf(page, q, open) {
 
 /** The body as it begins, or as a question shows it, to draw on: questions stand beside it unless it is wide. */
 function bodyOf(page, q) {
-  const sheet = page.unmarked(page.presets?.[q?.show?.preset ?? 0], q?.draws === "ground");
-  return make("img", { className: `drawn${!q ? "" : sheet.width > 1.6 * sheet.height ? " wide" : " large"}`, alt: "", src: sheet.toDataURL() });
+  const { lesson } = page, sheet = page.unmarked(page.presets?.[q?.show?.preset ?? 0], q?.draws === "ground"), kept = lesson.keeps && q?.pages?.includes(lesson.here) === false && localStorage.getItem(lesson.drawing(q));
+  return make("img", { className: `drawn${!q ? "" : sheet.width > 1.6 * sheet.height ? " wide" : " large"}`, alt: "", src: kept || sheet.toDataURL() });
 }
 
 /** Two axes to draw a curve at: bare, or to the right and upwards from where to where, with lines between; each has a unit, or what a run goes along. */

@@ -100,7 +100,12 @@ export class MotionPage extends Page {
     return quantity(!log && Math.abs(v) < 1e-6 * high ? 0 : v, this.unitOf(name), log ? 0 : high);
   }
   /** The same for a lesson's caption: beside the questions the card of what was clicked is a long way down. */
-  get reading() { return this.lesson && this.picked >= 0 && this.there(this.picked) ? `${this.word(this.look.colour)} ${this.read()}` : ""; }
+  get reading() { return this.lesson && this.picked >= 0 && this.there(this.picked) ? `${this.word(this.look.colour)} ${this.read()}${this.side}` : ""; }
+  /** How wide the agent is that was clicked; of one that an outline cuts, how wide it was. */
+  get side() {
+    const { corners, parts, points, dimension: d, fields: { level } } = this, wide = (i) => { const x = [...parts.subarray(i * corners, (i + 1) * corners)].map((n) => points[n * d]); return Math.max(...x) - Math.min(...x); };
+    return level ? ` · ${this.t("sideLength")} ${quantity(largest(Array.from({ length: this.count }, (_, i) => wide(i) * 2 ** this.value(i, "level"))) / 2 ** this.value(this.picked, "level"), "m")}` : "";
+  }
   /** How far the middle of a part has moved. */
   shift(part) {
     const { parts, corners, dimension: d, each, moved: { [this.g]: moved } } = this;

@@ -9,6 +9,7 @@ import { hand } from "./scene.js";
 import { general, largest, quantity, roundDown } from "./words.js";
 
 const NOTHING = 1 / 400, SHADES = 4;              // of a scale: what looks like nothing; steps of a difference below and above it
+const footOf = (page) => (page.lesson || settings(page).ruler ? 64 : 48);   // room for the numbers of columns
 const settings = ({ look }) => (look.twin?.layout ? look.twin : (look.twin = { show: "along", layout: "swipe", split: null, ruler: null, ...look.twin }));   // a lesson names some
 
 /** Both answers at this generation, and the ends and the magnification that both are drawn with. */
@@ -36,7 +37,7 @@ function paintAnswer(page, canvas, name, both) {
   const { run, look, inks, t } = page, { lattice: L, kinds } = run, { scale, small, factor, unit } = both, values = both[name];
   const u = name === "rule" ? page.deformed().displacement : page.elastic.answer.displacement;
   const moved = factor ? { displacement: u, corners: L.dimension === 2 ? cornersOf(L, kinds, u) : null } : null;
-  const view = new View(canvas, L, look.camera, { foot: settings(page).ruler ? 64 : 48 });
+  const view = new View(canvas, L, look.camera, { foot: footOf(page) });
   paintCells(view, kinds, name === "rule" ? agentsOf(page, both) : values.map((v) => (Math.abs(v) > small ? Math.abs(v) : NaN)), scale, inks, { moved, factor, cut: L.dimension === 3 ? look.cut : null });
   if (L.dimension === 2 && view.u >= 9) L.each((k) => { if (values[k] < -small) paintWord(view.ctx, "−", ...view.at(...L.cell(k).map((c) => c + 0.5)), inks.ink, inks, { align: "center" }); });
   if (name === "elastic") canvas.ariaLabel = `${t("elastic")}: ${t(both.quantity)}`;
@@ -52,7 +53,7 @@ export function stepsOf({ rule, elastic, small, scale }) {
   return { gap, most, steps: gap.map((d) => (Math.abs(d) <= small ? 0 : Math.sign(d) * Math.min(SHADES, 1 + Math.floor(SHADES * part(Math.abs(d)))))) };
 }
 function paintDifference(page, canvas, both) {
-  const { run, look, inks, t } = page, { lattice: L, kinds } = run, { steps, most } = stepsOf(both), view = new View(canvas, L, look.camera, { foot: settings(page).ruler ? 64 : 48 }), scale = { low: -4.5, high: 4.5, log: false };
+  const { run, look, inks, t } = page, { lattice: L, kinds } = run, { steps, most } = stepsOf(both), view = new View(canvas, L, look.camera, { foot: footOf(page) }), scale = { low: -4.5, high: 4.5, log: false };
   paintCells(view, kinds, steps.map((s) => s || (s === 0 ? 1e-9 : NaN)), scale, inks, { cut: L.dimension === 3 ? look.cut : null });
   canvas.ariaLabel = `${t("less")}: ${t(both.quantity)}`;
   paintLegend(view, scale, t("less"), t(both.scale.log ? "log" : "linear"), null, inks, [[scale.low, quantity(-most, both.unit)], [0, both.scale.log ? `± ${quantity(both.small, both.unit)}` : "0"], [scale.high, quantity(most, both.unit)]]);
@@ -159,8 +160,9 @@ MODES.push({
     const twin = page.twin = { at: -1, elastic: box(), gap: box(), line: make("span", { className: "soft" }), profile: make("div"), numbers: make("section", { className: "card", role: "status" }),
       handle: make("div", { className: "divider", role: "slider", tabIndex: 0, ariaLabel: page.t("divider"), ariaValueMin: 0 }) };
     const split = (x) => { settings(page).split = Math.max(0, Math.min(page.run.lattice.shape[0], x)); page.later(); };
-    twin.handle.onpointerdown = (event) => twin.handle.setPointerCapture(event.pointerId);
+    twin.handle.onpointerdown = (event) => { twin.handle.setPointerCapture(event.pointerId); twin.held = event.clientX; };
     twin.handle.onpointermove = (event) => { if (event.buttons) split((event.clientX - main.getBoundingClientRect().left - page.view.x0) / page.view.u); };
+    twin.handle.onclick = ({ clientX, clientY }) => { const { left, top } = main.getBoundingClientRect(); if (Math.abs(clientX - twin.held) < 4) { twin.at = -1; page.touch(page.view.cellAt(clientX - left, clientY - top)); } };   // not drawn: the cell below is meant
     twin.handle.onkeydown = (event) => {
       const to = { ArrowLeft: Math.ceil(settings(page).split) - 1, ArrowRight: Math.floor(settings(page).split) + 1, Home: 0, End: Infinity }[event.key];
       if (to !== undefined) { split(to); event.preventDefault(); event.stopPropagation(); }
@@ -206,7 +208,8 @@ MODES.push({
     if (answer) { views.elastic = paintAnswer(page, twin.elastic.firstChild, "elastic", both); if (!twin.gap.hidden) views.gap = paintDifference(page, twin.gap.firstChild, both); }
     page.loads.paint(views.rule);
     for (const view of Object.values(views)) {
-      if (two.ruler) { paintNumbers(view, inks); paintRuler(page, view); }
+      if (two.ruler || page.lesson) paintNumbers(view, inks);
+      if (two.ruler) paintRuler(page, view);
       if (read >= 0) paintPick(view, page.run.lattice.cell(read), inks);
     }
     for (const [name, align] of [["rule", "right"], ["elastic", "left"]]) if (views[name]) paintWord(views[name].ctx, t(name === "rule" ? "theRule" : "elastic"), swipe ? x + (name === "rule" ? -26 : 26) : views[name].w / 2, page.solid ? 16 : views[name].y0 - 14, inks[name], inks, { align: swipe ? align : "center", font: `600 ${FONT}` });

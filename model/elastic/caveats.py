@@ -195,7 +195,10 @@ def _of_blocks(result: ElasticResult) -> Iterator[str]:
             found.append(f"the roller {name!r} holds along {' and '.join(axes)}")
     if told := "; ".join(dict.fromkeys(found)):
         pin = 'take a pinned hole (material = "pinned", outline = "true")'
-        pin = pin if scene.plane else "hold less of it"  # which is not to be had in space
+        if any(side.stiffness for side in scene.sides.values()):
+            pin = "leave them out: what no load pushes along its bed need not be held there"
+        elif not scene.plane:  # where holes are not pinned
+            pin = "hold less of it"
         yield (
             f"cells hold the body by every face that they touch ({told}): where it may turn, "
             f"{pin}; where it may slide, take a roller side"

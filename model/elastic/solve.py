@@ -104,7 +104,8 @@ def solve_cells(
         )
     # By default there are as many cells as before.
     division = resolution or (previous.subdivision if previous is not None else 1)
-    grid = grid_of(scene, stage, division, None if known is None else known.problem, field)
+    like = None if known is None else known.problem
+    grid = grid_of(scene, stage, division, like, field, slides=True)
     place = grid.origin, grid.problem.kinds.shape
     if known is not None and place == (known.origin, known.problem.kinds.shape):
         unit = known.scales.displacement / grid.problem.scales.displacement

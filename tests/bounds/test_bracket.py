@@ -60,9 +60,9 @@ BED, SOFT, HARD = ({"stiffness": k} for k in (1e11, 1e8, 1e13))
     {"cell": [0, 0], "force": [-1e3, -0.9e3]},
 ], ids=["along", "onto", "beside", "within"])  # fmt: skip
 def test_whatever_loads_a_bed_is_proved(bed, load):
-    result = solve(held({"bottom": bed, "left": "roller"}, [load]), tolerance=0.2)
+    body = held({"bottom": bed} | ({"left": "roller"} if load["force"][0] else {}), [load])
+    result, finer = solve(body, tolerance=0.2), solve(body, tolerance=0.1)
     assert result.tolerance_kept == "proved"
-    finer = solve(held({"bottom": bed, "left": "roller"}, [load]), tolerance=0.1)
     lower, upper = result.energy_bounds[0] * (1 - 1e-9), result.energy_bounds[1] * (1 + 1e-9)
     assert lower <= finer.energy_bounds[1]
     assert finer.energy_bounds[0] <= upper

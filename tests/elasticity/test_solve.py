@@ -6,7 +6,7 @@ from plates import PLATE, loaded
 from spawning_bodies import STEEL, drawn
 
 from kaju import ElasticResult, Scene, solve
-from kaju.errors import ConvergenceError, ResultError, SupportError
+from kaju.errors import ConvergenceError, ParameterError, ResultError, SupportError
 
 LAW = {"youngs_modulus": 1e6, "poissons_ratio": 0.25, "density": 1000.0}
 SOFT = {"material": "soft", "materials": {"soft": LAW}}
@@ -73,6 +73,25 @@ def test_gravity_and_a_foundation():
     assert sunk[0, 1] == pytest.approx(-1000 * 10 * 0.04 / 1e5)
 
 
+@pytest.mark.parametrize("wide", [[], [2]], ids=["plane", "space"])
+@pytest.mark.parametrize("how", [{}, {"resolution": 2}, {"tolerance": 0.02}], ids=str)
+def test_a_footing_on_a_bed_alone_tilts_as_it_must(wide, how):
+    concrete = {"youngs_modulus": 30e9, "poissons_ratio": 0.2}
+    part = ([0.7, *(0.0 for _ in wide), 0.2], [0.8, *(0.1 for _ in wide), 0.2])
+    load = {"region": {"box": part}, "force": [0.0, *(0.0 for _ in wide), -1e4]}
+    law = {"material": "concrete", "materials": {"concrete": concrete}, "cell_size": 0.05}
+    law |= {} if wide else {"thickness": 0.1}
+    sides = {"bottom": {"stiffness": 1e8}}
+    result = solve(loaded([20, *wide, 4], load, sides=sides, **law), **how)
+    ends = result.displacement_at(np.eye(2, 2 + len(wide)) * [[0.0], [1.0]][::-1])[:, -1]
+    # A Timoshenko beam of finite length on Winkler's springs.
+    assert ends == pytest.approx([-2.491e-3, 0.501e-3], abs=5e-6)
+    assert result.reactions["bottom"][-1] == pytest.approx(1e4)
+    assert np.linalg.norm(result.couples["bottom"]) == pytest.approx(2500.0)
+    with pytest.raises(ParameterError, match="goal: the body could move along x on its bed"):
+        solve(result.scene, tolerance=0.5, goal="right,x")
+
+
 def test_a_displaced_side_pulls():
     sides = {"left": "rigid", "right": {"displacement": [1e-4, 0.0]}}
     result = solve(bar(sides=sides, loads=[]), resolution=4)
@@ -131,13 +150,14 @@ def test_a_member_one_cell_wide_is_solved_on_halved_cells():
 @pytest.mark.parametrize(("sides", "how"), [
     ({"bottom": "roller"}, "move along x"),
     ({"left": "roller"}, "move along y"),
-    ({"bottom": {"stiffness": 1.0}}, "move along x"),
+    ({"bottom": {"stiffness": 1.0}}, "the loads push .* where its bed, which presses across"),
 ])  # fmt: skip
 @pytest.mark.parametrize("cells", [(32, 16), (9, 5)])
 def test_a_body_that_can_slide_is_refused(sides, how, cells):
     load = {"cell": [1, 1], "force": [1.0, -1.0]}
-    with pytest.raises(SupportError, match=how):
-        solve(drawn(np.ones(cells, int), [STEEL], [load], sides=sides))
+    for tolerance in (None, 0.1):
+        with pytest.raises(SupportError, match=how):
+            solve(drawn(np.ones(cells, int), [STEEL], [load], sides=sides), tolerance)
 
 
 def test_no_convergence_gives_the_best_field(monkeypatch):

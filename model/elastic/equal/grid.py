@@ -157,11 +157,13 @@ def grid_of(
     division: int = 1,
     known: ElasticProblem | None = None,
     stiffness: Floats | None = None,
+    slides: bool = False,
 ) -> Grid:
     """Return the grid of a scene, with a relative stiffness of each of its cells if given.
 
     Its cells are halved where a member, or what holds the body against turning, is one cell wide:
     neither resists on this grid. A body that is supported like the `known` one needs no check.
+    For `slides` see `check_supports`.
     """
 
     def refined(times: int) -> Grid:
@@ -169,15 +171,16 @@ def grid_of(
         return Grid(fine, *problem_of_scene(fine, stage, repeated(stiffness, times)), times)
 
     grid = refined(division)
-    if known is not None:
+    if known is not None and known.edges is None:
         one, other = ((np.minimum(p.kinds, 0), *p.spring) for p in (grid.problem, known))
         if all(map(np.array_equal, one, other)):
             return grid
     narrow, loose = grid.narrow, None
     if not narrow:
         try:
-            check_supports(grid.problem, grid.origin, division)
-            return grid
+            return grid._replace(
+                problem=check_supports(grid.problem, grid.origin, division, slides)
+            )
         except SupportError as error:
             if "could turn" not in str(error):
                 raise
@@ -189,13 +192,13 @@ def grid_of(
             f"{2 * division} and carries no shear; widen it, or give a larger resolution"
         )
     try:
-        check_supports(finer.problem, finer.origin, 2 * division)
+        problem = check_supports(finer.problem, finer.origin, 2 * division, slides)
     except SupportError as error:
         raise loose or error from None
     reason = f"a member is one cell wide at {narrow}"
     if loose is not None:
         reason = "a single rigid cell holds no turn"
-    return finer._replace(notes=(f"{reason}: the cells were halved",))
+    return finer._replace(problem=problem, notes=(f"{reason}: the cells were halved",))
 
 
 def repeated(stiffness: Floats | None, division: int) -> Floats | None:

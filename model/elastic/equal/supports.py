@@ -9,25 +9,38 @@ body has to be solved on smaller cells.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
 from itertools import permutations
 
 import numpy as np
 from numpy.typing import NDArray
 
-from kaju.arrays import Floats, Ints, rigid_motions
-from kaju.model.elastic.free_motion import free_motion, unheld
-from kaju.model.scene.cell_types import RIGID
+from kaju.arrays import Flags, Floats, Ints, rigid_motions
+from kaju.model.elastic.free_motion import balanced, free_motion, unheld
+from kaju.model.scene.cell_types import FOUNDATION, RIGID
 
 from . import staggered
 from .problem import ABSENT, ACTIVE, FIXED, ElasticProblem, coarse_box, is_box
 from .staggered import Numbering, around_edges, axis_pairs, cut, edge_modulus, ends, padded
 
+GRIP = 1e-7
+"""Share of the body's stiffness by which a bed grips a body that nothing else holds along it, and
+no load pushes there: so its middle stays where it is, and answers are off by about as little."""
+
 
 def check_supports(
-    problem: ElasticProblem, origin: tuple[int, ...] | None = None, division: int = 1
-) -> None:
-    """Refuse a body of which a part could move without straining."""
-    while is_box(problem):
+    problem: ElasticProblem,
+    origin: tuple[int, ...] | None = None,
+    division: int = 1,
+    slides: bool = False,
+) -> ElasticProblem:
+    """Refuse a body of which a part could move without straining; return what is to be solved.
+
+    If it `slides`, loads that do not push a part along its bed need no support there.
+    """
+    whole, bedded = problem, any(spring.any() for spring in problem.spring)
+    while is_box(problem) and not bedded:
         problem = coarse_box(problem)  # which is held as the large one is
     body = problem.kinds >= 0
     parts, count = body.astype(np.int32), 1
@@ -39,30 +52,54 @@ def check_supports(
     owner, stops = _stops(problem, parts)
     for part in range(1, count + 1):
         rows = stops[owner == part]
-        if motion := free_motion(rows, problem.dimension):
-            cell = np.argwhere(parts == part)[0] - 1
-            first = np.zeros(problem.dimension, int) if origin is None else np.asarray(origin)
-            raise unheld((cell + first) // division, motion, touched=len(rows) > 0)
+        if not (motion := free_motion(rows, problem.dimension)):
+            continue
+        beds, _ = _moved(parts, [spring > 0.0 for spring in problem.spring])
+        if rests := slides and part in beds:
+            loaded, motions = _moved(parts, [force != 0.0 for force in problem.force])
+            force = np.concatenate([force[force != 0.0] for force in problem.force])
+            if balanced(rows, motions[loaded == part], force[loaded == part]):
+                whole = gripped(problem)
+                continue
+        cell = np.argwhere(parts == part)[0] - 1
+        first = np.zeros(problem.dimension, int) if origin is None else np.asarray(origin)
+        raise unheld((cell + first) // division, motion, len(rows) > 0, rests)
+    return whole
+
+
+def gripped(problem: ElasticProblem) -> ElasticProblem:
+    """Return a problem whose beds hold the body a little against a slide along them."""
+    rough = replace(problem, kinds=np.where(problem.kinds == FOUNDATION, RIGID, problem.kinds))
+    edges = {pair: edge_modulus(problem, pair) for pair in axis_pairs(problem.dimension)}
+    for pair, own in edges.items():
+        grip = GRIP / max(problem.shape) * edge_modulus(rough, pair)
+        edges[pair] = np.where(own > 0.0, own, grip)
+    return replace(problem, edges=edges)
 
 
 def _stops(problem: ElasticProblem, parts: NDArray[np.int32]) -> tuple[Ints, Floats]:
     """Return what is held: to which part it belongs, and how far every rigid motion strains it."""
     # Held faces, springs, and cells and edges that strain because held faces beside them stay.
-    d = problem.dimension
-    held = Numbering(tuple(np.where(s == FIXED, ACTIVE, ABSENT) for s in problem.face_states))
-    moved = [_motions(np.argwhere(number >= 0), axis) for axis, number in enumerate(held.number)]
+    d, fixed = problem.dimension, [state == FIXED for state in problem.face_states]
+    held = Numbering(tuple(np.where(one, ACTIVE, ABSENT) for one in fixed))
     matrix = staggered.strain_matrix(problem, held)
     some = np.flatnonzero(np.diff(matrix.indptr))
     owners = [parts[problem.kinds >= 0]] * d
     for pair in axis_pairs(d):
         around = np.maximum.reduce(around_edges(padded(parts, pair, 0), pair))
         owners.append(around[edge_modulus(problem, pair) > 0])
-    owners, rows = [np.concatenate(owners)[some]], [matrix[some] @ np.concatenate(moved)]
-    for axis, spring in enumerate(problem.spring):
-        stopped = (problem.face_states[axis] == FIXED) | (spring > 0.0)
-        owners.append(np.maximum(*ends(padded(parts, (axis,), 0), axis))[stopped])
-        rows.append(_motions(np.argwhere(stopped), axis))
-    return np.concatenate(owners).astype(np.int64), np.concatenate(rows)
+    owner, rows = np.concatenate(owners)[some], matrix[some] @ _moved(parts, fixed)[1]
+    springs = zip(fixed, problem.spring, strict=True)
+    others, more = _moved(parts, [one | (spring > 0.0) for one, spring in springs])
+    return np.concatenate([owner, others]).astype(np.int64), np.concatenate([rows, more])
+
+
+def _moved(parts: NDArray[np.int32], chosen: Sequence[Flags]) -> tuple[Ints, Floats]:
+    """Return of chosen faces the part of each, and how far every rigid motion moves it."""
+    beside = [np.maximum(*ends(padded(parts, (a,), 0), a)) for a in range(parts.ndim)]
+    owner = np.concatenate([part[some] for part, some in zip(beside, chosen, strict=True)])
+    motions = [_motions(np.argwhere(some), axis) for axis, some in enumerate(chosen)]
+    return owner.astype(np.int64), np.concatenate(motions)
 
 
 def _motions(face: Ints, axis: int) -> Floats:

@@ -14,7 +14,7 @@ from kaju.arrays import Flags, Floats, Ints
 from kaju.factors import factors_of
 
 from . import elements
-from .border import Sides
+from .border import Sides, grips
 from .elements import CORNERS, EDGES, edge_tractions, gauss, on_sides, without_plane
 from .leaves import Entries, PlaneMesh, followed
 from .levels import Blocks, summed
@@ -130,7 +130,10 @@ def first_stress(mesh: PlaneMesh, sides: Sides, load: Floats, body: Floats, size
     balance = sp.csr_array(matrix @ every[:, chosen])
     wanted = np.einsum("rsij,nsij->nr", works, -load)
     wanted[:, :2] -= body
-    normal = sp.csc_array(balance @ sp.diags_array(weight) @ balance.T)
+    # What no load pushes a part to do along its bed needs no edge to be stopped.
+    _, along, agent = grips(mesh, sides)
+    stays = sp.diags_array(np.isin(np.arange(3 * n), 3 * agent + along).astype(np.float64))
+    normal = sp.csc_array(balance @ sp.diags_array(weight) @ balance.T + stays)
     factors = factors_of(normal)
     found = factors.solve(wanted.ravel())
     found = found + factors.solve(wanted.ravel() - normal @ found)

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from kaju.arrays import Flags, Floats, Ints, rigid_motions
-from kaju.errors import SupportError
-from kaju.model.elastic.free_motion import free_motion, unheld
+from kaju.errors import ParameterError, SupportError
+from kaju.model.elastic.free_motion import balanced, free_motion, unheld
 from kaju.model.elastic.moduli import moduli_at
 from kaju.model.elastic.named_supports import supports_inside
 from kaju.model.elastic.posed_body import PosedBody
@@ -107,19 +107,55 @@ def sides_of(body: PosedBody, mesh: Mesh) -> Sides:
     )
 
 
-def check_held(body: PosedBody, mesh: Mesh, sides: Sides) -> None:
-    """Refuse a body of which a part could move without straining, or whose supports tear it."""
+def grips(mesh: Mesh, sides: Sides) -> tuple[Ints, Ints, Ints]:
+    """Return vertices on beds that stay where they are, along which axis, and an agent of each.
+
+    One for every motion of a part along its bed that nothing else stops: it bears nothing, as
+    `check_held` sees to. They are the same in all generations.
+    """
+    d, part, found = mesh.leaves.dimension, mesh.part[mesh.owner], []
+    for number in np.unique(part[sides.beds]):
+        free = np.flatnonzero(sides.given[part == number].all(axis=0))
+        side = sides.beds[part[sides.beds] == number]
+        vertex = mesh.on_border[side, : 1 << (d - 1)].ravel()
+        order = np.lexsort(mesh.place[vertex].T)
+        # In space the one at the far corner keeps the part from turning on its bed.
+        for at, axis in zip(order[[0, 0, -1]], [*free, *free[1:]], strict=False):
+            found.append((vertex[at], axis, mesh.owner[side[at >> (d - 1)]]))
+    vertex, axis, owner = np.array(found, dtype=np.int64).reshape(-1, 3).T
+    return vertex, axis, owner
+
+
+def check_held(
+    body: PosedBody, mesh: Mesh, sides: Sides, forces: Floats, goal: bool = False
+) -> None:
+    """Refuse a body of which a part could move without straining, or whose supports tear it.
+
+    But for what `grips` stop if the loads, the `forces` on the agents' own unknowns, do not push it
+    there; be they those of a `goal`.
+    """
     part, d = mesh.part, body.dimension
     place = mesh.place[mesh.on_border[:, : 1 << (d - 1)]] / body.cell
     for number in range(int(part.max()) + 1):
         side, axis = np.nonzero(~sides.given & (part[mesh.owner] == number)[:, None])
         points = place[side].reshape(-1, d)
-        if len(points):
-            points = points - points.mean(axis=0)
-        motion = free_motion(rigid_motions(points, np.repeat(axis, 1 << (d - 1))), d)
-        if motion:
-            cell = mesh.leaves.lower[np.flatnonzero(part == number)[0]] // body.cell
-            raise unheld(cell, motion, touched=len(points) > 0)
+        middle = points.mean(axis=0) if len(points) else np.zeros(d)
+        rows = rigid_motions(points - middle, np.repeat(axis, 1 << (d - 1)))
+        if not (motion := free_motion(rows, d)):
+            continue
+        own = np.flatnonzero(part == number)
+        if rests := bool(sides.bed[part[mesh.owner] == number].any()):
+            corners = mesh.place[mesh.corner[own]].repeat(d, axis=1).reshape(-1, d) / body.cell
+            force = forces[own, : d << d].ravel()
+            motions = rigid_motions(corners - middle, np.arange(len(force)) % d)
+            if balanced(rows, motions, force):
+                continue
+        if goal:
+            raise ParameterError(
+                f"goal: the body could {motion} on its bed, so how far it does is not known; ask "
+                "for what is across the bed, or hold the body by a rigid or roller cell or side"
+            )
+        raise unheld(mesh.leaves.lower[own[0]] // body.cell, motion, len(points) > 0, rests)
     apart = np.flatnonzero(torn(mesh, sides))
     if len(apart) and d == 2:
         at = mesh.place[apart[0]] / body.cell * body.scene.lattice.cell_size

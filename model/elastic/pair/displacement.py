@@ -12,7 +12,7 @@ import scipy.sparse as sp
 from kaju.arrays import Flags, Floats, Ints
 from kaju.model.elastic.posed_body import PosedBody
 
-from .border import Sides
+from .border import Sides, grips
 from .elements import gauss, nodes, on_sides, quadratic_values, rule, side_loads, strains
 from .gap import at_points, roots_of
 from .leaves import LeafCells, Mesh
@@ -104,7 +104,10 @@ def way_of(mesh: Mesh, sides: Sides) -> tuple[sp.csr_array, Ints]:
     """Return what all unknowns are by the free ones, and which these are."""
     d = sides.held.shape[1]
     # What a held node follows is held as well.
-    held = mesh.masters(np.asarray(held_by(mesh, sides).any(axis=0)))
+    stays = np.asarray(held_by(mesh, sides).any(axis=0))
+    vertex, along, _ = grips(mesh, sides)
+    stays[vertex, along] = True
+    held = mesh.masters(stays)
     ties, follows = mesh.tied
     free = np.flatnonzero((~(follows[:, None] | held)).ravel())
     both = sp.csr_array(sp.kron(ties, sp.eye_array(d), format="csr"))

@@ -16,7 +16,7 @@ from kaju.model.results.stored import Column
 
 from .airy import Airy
 from .border import Sides, check_held, sides_of
-from .displacement import way_of
+from .displacement import forces_of, way_of
 from .elements import DEEPEST_STEP, child_maps
 from .leaves import BITS, LeafCells, Mesh, PlaneMesh, corners, mesh_of
 from .levels import DIRECT, FieldLevel, descent, handed_down, level_of
@@ -39,7 +39,7 @@ def settled(
     laws = by_law(law)
     family = None
     if before is None:
-        check_held(body, mesh, sides)
+        check_held(body, mesh, sides, forces_of(sides))
     else:
         family = descent(before.leaves, leaves)
         mesh.part, mesh.first = (one[family[0]] for one in (before.mesh.part, before.mesh.first))
@@ -47,6 +47,8 @@ def settled(
     kind: Any = Opinions if d == 2 else Bricks
     acts = sides.cases
     loads = [*acts, *(one for aim in aims for one in aim(mesh, sides))]
+    for load in loads[len(acts) :] if before is None else ():
+        check_held(body, mesh, load, forces_of(load), goal=True)
     fields: list[Any] = [kind(body, mesh, one, law, laws) for one in loads]
     olds: list[Any] = [*before.cases, *before.duals] if before else [None] * len(loads)
     gaps = [0.5 * float(old.shares.sum()) if old else 0.0 for old in olds]

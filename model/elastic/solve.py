@@ -25,7 +25,7 @@ from kaju.model.elastic.posed_body import PosedBody
 from kaju.model.outline.posed_outlines import OutlinedBody
 from kaju.model.scene import Scene
 from kaju.model.solid.solid_agents import SolidAgents, grid_of_solid
-from kaju.stepping import NOTE, interrupt_requested
+from kaju.stepping import NOTE, interrupt_requested, progress_line
 
 
 def solve_spawning(
@@ -40,8 +40,10 @@ def solve_spawning(
     start = perf_counter()
     tolerance = TOLERANCE if tolerance is None else tolerance
     spawner = spawner_of(scene, tolerance, resolution, stage, goal)
-    while not spawner.finished and not (spawner.generations and interrupt_requested()):
-        spawner.step()
+    with progress_line() as report:
+        while not spawner.finished and not (spawner.generations and interrupt_requested()):
+            spawner.step()
+            report(spawner.progress)
     found = spawner.outcome()
     found.notes += [NOTE] if interrupt_requested() else []
     result = ElasticResult(found, perf_counter() - start, tolerance)

@@ -197,7 +197,7 @@ class SpawningModel(SteppedModel):
 
     def run(self, until: Until | None = None) -> ElasticResult:
         """Step until the error is within the tolerance, or the run was stopped."""
-        return step_to_end(self, until, self.result)
+        return step_to_end(self, until, self.result, lambda: self.spawner.progress())
 
     def result(self) -> ElasticResult:
         """Return the agents as they are.

@@ -21,7 +21,7 @@ from kaju.model.elastic.scales import Scales
 from kaju.model.scene import Body, Scene
 from kaju.model.scene.cell_types import HOLDING, INSIDE, PINNED
 from kaju.model.scene.curves import Point, cross
-from kaju.model.scene.regions import LoadRegion
+from kaju.model.scene.regions import METRES, LoadRegion
 
 from . import true_shapes
 from .arc_triangles import CLOSE, ArcFrames, TouchError, keep_apart
@@ -276,7 +276,8 @@ class OutlinedBody:
                 bent = which not in self.rigid and frames.turn[on & self._ends_at(which)].any()
                 spread = "facing" if bent else spread
         faces = " and faces the force" * bool(acts[0].any())
-        told = f"{where}: no free edge of the body lies in it{faces}"
+        far = f"; {METRES}" * bool(np.abs(box).max() > 20.0 * max(self.shape))
+        told = f"{where}: no free edge of the body lies in it{faces}{far}"
         return EdgeLoad(told, *acts, spread, regions, sides, box)
 
     def pushed(self, place: str, force: Floats) -> OutlinedBody:

@@ -211,7 +211,8 @@ class BodyResult(OnCells, Result):
     ) -> pandas.DataFrame:
         """Return displacement and stress along a line between two points (m).
 
-        There are `count` points, evenly spaced; each that lies in the body has a row.
+        There are `count` points, evenly spaced; each that lies in the body has a row. Within agents
+        as large as the body is thick stress is rather a mean: see `ElasticResult.stress_at`.
 
         Raises
         ------

@@ -212,7 +212,8 @@ class LoadRegion(_Shaped):
         if len(flat) > 1:
             raise SceneError(
                 f"{where}: has no thickness along {' and '.join('xyz'[axis] for axis in flat)}; "
-                "a surface has none along one axis only; for a point use point = [...]"
+                "a surface has none along one axis only; for a point use point = [...], and "
+                "within true outlines a short box"
             )
         return flat[0] if flat else None
 

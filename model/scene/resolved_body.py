@@ -508,6 +508,7 @@ def _unproved(scene: Description, body: ResolvedBody) -> Iterator[tuple[object, 
         for key in ("cell", "point", *([] if boxed else ["region"]), *uneven):
             told = "load a side (in the plane also an outline, or region = { box = ... } round the "
             told += "place) by a force or a pressure"
+            told += ", for a couple two boxes by opposite forces" * (key == "couple" and not solid)
             yield getattr(load, key) is not None, f"loads.{number}.{key}: {told}"
         yield solid and load.outline is not None, f"loads.{number}.outline: load a side"
         yield load.steps != 1, f"loads.{number}.steps: leave it out"

@@ -52,7 +52,8 @@ _SAME = {
     **{"nu": "poissons_ratio", "poisson": "poissons_ratio", "rho": "density"},
     **{"diameter": "radius", "r": "radius", "center": "centre"},
     **{"f": "force", "p": "pressure", "dx": "cell_size", "h": "cell_size", "t": "thickness"},
-    **{"moment": "couple", "torque": "couple", "circle": "disk"},
+    **{"moment": "couple", "torque": "couple", "circle": "disk", "box": "region"},
+    **dict.fromkeys(("support", "supports", "boundary", "boundaries", "constraints"), "sides"),
 }
 """What others call a key."""
 

@@ -61,6 +61,7 @@ PARTS = [
     ({"loads": {"cell": [0, 0]}}, r"loads: must be a list.* write \[\[loads\]\], with two bra"),
     ({"body": BODY | {"regions": {"material": "air"}}}, r"regions: .* \[\[body.regions\]\], w"),
     ({"materials": {"a": {"E": 1e9}}}, r"a.E: unknown key \(did you mean 'youngs_modulus'\?\)"),
+    ({"supports": {"bottom": "rigid"}}, r"unknown key \(did you mean 'sides'\?\)"),
     ({"sides": {"bottom": "fixed"}}, r"no 'fixed' \(did you mean 'rigid'\?\)"),
     ({"history": {"steps": [{"hold": 1.0, "duration": 2.0}]}}, "history.steps.0.duration"),
     ({"history": {"steps": [{"ramp": 1.0, "period": 2.0}]}}, "history.steps.0.period"),

@@ -1,5 +1,7 @@
 """Spawning as a Mesa model: a step is a generation, agents know where they come from."""
 
+from contextlib import nullcontext
+
 import numpy as np
 import pytest
 from spawning_bodies import BRASS, STEEL, under_a_patch
@@ -37,6 +39,18 @@ def model(request):
     assert len(model.agents)  # objects that are made early go along
     model.run()
     return model
+
+
+def test_generations_are_shown_as_they_come(monkeypatch):
+    said = []
+    for module in ("stepping", "model.elastic.solve"):
+        lines = nullcontext(lambda line: said.append(line()))
+        monkeypatch.setattr(f"kaju.{module}.progress_line", lambda _=None, lines=lines: lines)
+    answer = solve(under_a_patch(), 0.01)
+    told = f"{answer.agents} agents, proved error {answer.error_bound:.2g}, tolerance 0.01"
+    assert said[-1] == f"generation {len(answer.generations)}: {told}"
+    SpawningModel(under_a_patch(), 0.01).run()
+    assert said == said[: len(answer.generations)] * 2
 
 
 def test_a_step_is_a_generation():

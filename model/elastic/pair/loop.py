@@ -105,6 +105,14 @@ class PairLoop:
             self.notes.append(TORN)
         self._judged = judged(found, self.goals, self.tolerance)
 
+    def progress(self) -> str:
+        """Return the line of progress."""
+        agents, error = self.generations[-1].agents, self._judged.error
+        doubts = [goal.no_bound for goal in self._judged.found] or [self.body.no_bound]
+        known = "estimated" if any(doubts) else "proved"
+        told = f"{known} error {error:.2g}, tolerance {self.tolerance:g}"
+        return f"generation {len(self.generations)}: {agents:,} agents, {told}"
+
     def outcome(self) -> PairAgents:
         """Return the agents as they are."""
         assert isinstance(self.body, PosedBody)

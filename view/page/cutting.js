@@ -60,7 +60,7 @@ function paintBars(page, view, cuts, box, upright) {
 // ------------------------------------------------------------------------------------- the cards
 
 /** Whether a lesson asks for what a card would tell. */
-const asks = ({ lesson }) => Boolean(lesson) && !lesson.teacher && !lesson.isDone(lesson.question);
+const asks = ({ lesson }) => Boolean(lesson) && !lesson.teacher && !lesson.isDone(lesson.question ?? lesson.questions.at(-1));
 /** The free body at the chosen cut: what presses, what holds, what is missing or too much; arrows to one scale. */
 function freeBody(page, cut) {
   const { t, ruleAlone, lesson } = page, { carried, needed } = cut, gap = needed - carried, asked = asks(page) && lesson.step !== "try";   // pupils subtract first

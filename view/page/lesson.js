@@ -116,7 +116,7 @@ export class Lesson {
     if (show?.look) Object.assign(page.look, show.look);
     if (show?.cell) page.picked = page.run.lattice.key(show.cell);
     this.shown = this.question && this.guess && Object.keys(this.guess).length && this.firsts[this.question.key] ? "both" : "guess";
-    page.setMode(show?.mode ?? this.home, true);
+    page.setMode(show?.mode ?? (this.question ? this.home : page.look.mode), true);   // what was seen last stays beside the comparison
     const g = show?.generation ?? (quiet || until !== undefined ? 0 : page.g);
     page.seek(Math.min(g, this.limit));
     page.past?.begin();

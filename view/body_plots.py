@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -47,7 +47,7 @@ def force_arrows(scene: Scene, applied: AppliedLoads, rows: Ints, most: int = 5)
     for number in range(len(kinds := np.unique(alike, axis=0))):
         group = np.flatnonzero((alike == kinds[number]).all(axis=1))
         outwards = float(unit[group[0]] @ normal[group[0]])
-        for patch in _patches(place[group], lattice.cell_size):
+        for patch in _patches(place[group], lattice.cell_size if normal[group].any() else np.inf):
             one = group[patch]
             along = face[one[0]] >= 0 and abs(outwards) < 0.5
             for part in _parts(place[one], 1 if along else most):
@@ -113,9 +113,16 @@ def applied_text(scene: Scene, stage: int | None, applied: AppliedLoads | Arrows
 
 
 def draw_forces(
-    ax: Axes, section: Section, stage: int | None = None, share: float = 1.0
+    ax: Axes,
+    section: Section,
+    stage: int | None = None,
+    share: float = 1.0,
+    at: Callable[[Floats], Floats] | None = None,
 ) -> list[str]:
-    """Draw the applied forces of a section, shortened to a share; return notes on their sum."""
+    """Draw the applied forces of a section, shortened to a share; return notes on their sum.
+
+    `at`: where places in the section have moved to.
+    """
     scene = section.scene
     if section.curves is None:
         applied = scene.applied(stage)
@@ -130,7 +137,7 @@ def draw_forces(
     if not seen.any():
         return notes
     force, place, size, pulls = force[seen], place[seen], size[seen], arrows.pulls[seen]
-    span = section.span
+    place, span = place if at is None else at(place), section.span
     along = ((share or 1.0) * span * (0.06 + 0.07 * size / size.max()) / size)[:, None] * force
     head = np.where(pulls[:, None], place + along, place)
     width = np.full(len(head), min(0.011, 0.2 / len(head) + 0.004) * span)
@@ -248,11 +255,12 @@ class BodyPicture:
         filled: bool = True,
         outlined: bool = True,
         share: float = 1.0,
+        at: Callable[[Floats], Floats] | None = None,
     ) -> None:
         self.section = section
         self.ax = style.new_axes(ax)
         self.entries = draw_body(self.ax, section, filled=filled, outlined=outlined)
-        self.notes = draw_forces(self.ax, section, stage, share)  # on the sum
+        self.notes = draw_forces(self.ax, section, stage, share, at)  # on the sum
 
     def finish(self, title: str, notes: list[str]) -> Axes:
         """Set scales, labels, title, notes and legend; return the axes."""

@@ -13,7 +13,7 @@ from matplotlib.collections import LineCollection
 from matplotlib.colors import Normalize
 from matplotlib.lines import Line2D
 
-from kaju.arrays import Floats, Ints
+from kaju.arrays import Floats, Ints, nearest
 from kaju.errors import ParameterError
 from kaju.model.elastic.goals.quantities import HOOP, Stress
 from kaju.model.results.mesh import same_points
@@ -151,7 +151,12 @@ def draw_deformed(
     check_magnification(magnification)
     factor = magnification or magnification_for(section, tiles)
     most = largest or float(tiles.value.max(initial=0.0))
-    picture = BodyPicture(section, ax, stage, filled=False, outlined=False, share=share)
+
+    def moved(points: Floats) -> Floats:
+        near = nearest(tiles.rest.mean(axis=1), points)[1]
+        return np.asarray(points + factor * tiles.moved[near].mean(axis=1))
+
+    picture = BodyPicture(section, ax, stage, filled=False, outlined=False, share=share, at=moved)
     rest: dict[str, Any] = {"colors": FAINT, "linewidths": 0.7, "linestyles": "--", "zorder": 2}
     surface, _ = section.outlines()
     picture.ax.add_collection(LineCollection(list(surface), gid="at rest", **rest))
@@ -239,7 +244,7 @@ def stress_text(result: ElasticResult) -> str:
     name = max(peaks, key=peaks.__getitem__, default="")
     # along an outline the hoop stress is the better one
     if name and peaks[name] > 0.95 * found.value:
-        return f"{asked}largest stress {quantity(peaks[name], 'Pa')} along {name!r}"
+        return f"{asked}largest hoop stress {quantity(peaks[name], 'Pa')} along {name!r}"
     at = ", ".join(quantity(x, "m") for x in found.at)
     away = (
         f", {quantity(found.left_out, 'm')} and more from places without limit"

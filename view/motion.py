@@ -299,8 +299,9 @@ def _within_outlines(result: ElasticResult, shown: Motion) -> Motion:
     for name in found.along:  # the hoop stress over the way along the outline
         (x, y), hoop = result.outline_stress(name)[0].T, result.outline_stress(name)[1]
         way = np.append(0.0, np.cumsum(np.hypot(np.diff(x), np.diff(y))))[: len(hoop)]
-        title = f"Hoop stress: {name}"
-        drawn.append(Curves(title, "place", "m", way, {"hoop stress": hoop}, "Pa"))
+        turn = "\u21ba" if np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)) > 0 else "\u21bb"
+        start, lines = f"0 = ({x[0]:.3g}, {y[0]:.3g}) m {turn}", {"hoop stress": hoop}
+        drawn.append(Curves(f"Hoop stress: {name}", start, "m", way, lines, "Pa"))
     return replace(
         shown,
         points=np.concatenate([shown.points, places]),

@@ -161,6 +161,15 @@ def _of_loads(result: ElasticResult) -> Iterator[str]:
                 f"loads.{number} takes whole faces or cells: the edge of its region moves by up "
                 f"to {edge:.3g} m; take smaller cells or a larger resolution"
             )
+        if load.couple is not None and not result.scene.plane:
+            at = grid.lattice.face_middles(chosen.cells, chosen.direction)
+            depth = float(np.sort(np.ptp(at, axis=0))[1]) + h
+            if nearest(at, np.array([result.largest_stress.at]))[0][0] < depth:
+                yield (
+                    f"largest von Mises within {depth:.3g} m of the couple of loads.{number}: it "
+                    "acts evenly on each face of a cell, so there stress hangs on the cells; "
+                    "farther away it does not"
+                )
         drag = not inside and load.force and np.delete(load.force, chosen.direction // 2).any()
         if drag and (load.side is None or load.cell is not None):
             where = "where it ends on a flat face, stress grows without limit"

@@ -226,6 +226,10 @@ def test_a_ball_of_cubes_is_told_of_as_steps_in_space():
 
 def test_edges_in_space_without_a_limit_are_told_with_their_reasons():
     body = {"cell_size": 0.2, "cells": [5, 2, 2], "material": "steel"}
+    twist = {"side": "right", "couple": [1e3, 0.0, 0.0]}
+    twisted = solve(Scene(body=body, sides={"left": "rigid"}, loads=[twist]), tolerance=0.2)
+    told = "largest von Mises within 0.4 m of the couple of loads.0"
+    assert told in twisted.caveats_in_brief
     notch = {"box": [[0.4, 0.0, 0.2], [0.6, 0.4, 0.4]], "material": "air"}
     rollers = dict.fromkeys(("left", "bottom", "front"), "roller")
     for more, sides, told in (

@@ -294,6 +294,7 @@ def _thinned(motion: Motion) -> Motion:
 
 
 def _curve_data(curves: Curves) -> dict[str, Any]:
+    place = curves.along if curves.along.startswith("0 = ") else ""
     return {
         "title": curves.title,
         "unit": curves.unit,
@@ -301,9 +302,9 @@ def _curve_data(curves: Curves) -> dict[str, Any]:
         "lines": {name: line.tolist() for name, line in curves.lines.items()},
         "logarithmic": curves.logarithmic,
         "bars": curves.bars,
-        "axis": curves.along_unit if curves.along in ("displacement", "place", "time") else "",
+        "axis": curves.along_unit if place or curves.along in ("displacement", "time") else "",
         "course": curves.along == "displacement",  # a point a moment, there and back
-        "place": curves.along == "place",  # no moments at all
+        "place": place,  # where the way begins: no moments at all
     }
 
 

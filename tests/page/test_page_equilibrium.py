@@ -99,6 +99,11 @@ def test_the_ruler_reads_what_python_reads(twin, scene):
                 truth = wanted[show][line]
                 load = 2.0 / (0.01 * 0.002) if show == "stress" else 2.0
                 np.testing.assert_allclose(read, truth, atol=1e-12 * load)
+    twin.js("page.look.twin.ruler = { axis: 0, at: 16 }")
+    twin.press("Ruler one row on")  # rows count as on the axis
+    twin.until("page.ruled.startsWith('Row 17, 2.5 cells from the top')")
+    read = "(page.seek({}), page.playing = {}, page.draw(), page.ruled)"
+    assert twin.js(read.format(4, "true")) == twin.js(read.format(4, "false"))  # in play too
 
 
 def read_csv(page, name="Save CSV"):

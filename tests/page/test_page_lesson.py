@@ -35,7 +35,7 @@ LESSON = {
             "question": "What does the loaded cell keep?",
             "note": "Click it. Say **why**.",
             "lines": 2,
-            "draws": [["s", -2, 8], ["mm", 0, 40]],
+            "draws": [[["s", -2, 8], ["mm", 0, 40]], [["root", 0, 6], ["cells", 0, 3]]],
             "fields": [{"label": "keeps", "unit": "N", "answer": 1.0, "tolerance": 0.01}],
             "show": {"mode": "cell", "cell": [10, 19], "generation": 1},
         },
@@ -138,7 +138,7 @@ def test_the_worksheet_is_paper_with_what_was_typed(opened, lesson, teacher):
         "Who wakes?",
         "One sentence.",
     )
-    for x in *words, "−2−1012345678 s", "40 mm":  # axes with units to draw at
+    for x in *words, "−2−1012345678 s", "40 mm", "3 cells√depth":  # axes with units to draw at
         assert x in sheet
     assert ("Nine cells." in sheet) is teacher
     assert page.tab.locator(".sheet figure:first-child rect:not([fill='#fff'])").count() == 9

@@ -412,7 +412,7 @@ function paperOf(page) {
   const questions = lesson.questions.flatMap((q, i) => {
     const drawing = drawsBody(q) ? [bodyOf(page, q)] : [], wide = drawing[0]?.classList.contains("wide");
     return [...(wide ? [] : drawing), make("section", {}, make("b", { className: "number", textContent: i + 1 }),
-      make("div", { className: "asked" }, make("p", {}, make("span", {}, ...inline(page.say(q.question))), make("small", { textContent: q.minutes ? t("minutes", { t: q.minutes }) : "" })), ...(q.note ? [rendered(page.say(q.note))] : []), ...(wide ? drawing : []), ...answerOf(page, q)))];
+      make("div", { className: "asked" }, make("p", {}, make("span", {}, ...inline(page.say(q.question))), make("small", { textContent: q.minutes ? t("minutes", { t: q.minutes }) : "" })), ...(q.note ? [rendered(page.say(q.note))] : []), ...(wide ? drawing : []), ...(q.show?.rod ? [page.rod(0)[0]] : []), ...answerOf(page, q)))];
   });
   const foot = make("div", { className: "bottom" }, make("span", { textContent: `kaju · ${page.say(lesson.title)}` }), make("span", { textContent: lesson.kept ? t("asSaved", { d: new Date().toLocaleDateString(page.language, { dateStyle: "long" }) }) : "" }));
   const answers = lesson.teacher ? [make("div", { className: "teachers" }, make("h1", { textContent: `${t("answers")}: ${page.say(lesson.title)}` }),
@@ -435,7 +435,7 @@ function answerOf(page, q, open) {
     const table = make("table", {}, make("tr", {}, ...q.fields.map((f) => make("th", {}, page.say(f.label) ?? ""))),
     make("tr", {}, ...q.fields.map((f, i) => make("td", {}, make("em", { textContent: given?.[i] ?? "" }), ` ${unitFor(given?.[i], page.say(f.unit))} ${lesson.sign(q, i)}`))));
     const words = [...(q.write ? [make("p", {}, ...inline(page.say(q.write)))] : []), ...(q.lines ? text ?? lines(q.lines) : [])];
-    return [...(q.guess ? [make("p", { className: "before" }, `${page.say(q.guess.write)} `, make("em", { textContent: lesson.own(q.guess) }))] : []), make("div", { className: "worked" }, table, make("div", {}, ...words)), ...(q.draws ? [axes(page, q.draws)] : [])];
+    return [...(q.guess ? [make("p", { className: "before" }, `${page.say(q.guess.write)} `, make("em", { textContent: lesson.own(q.guess) }))] : []), make("div", { className: "worked" }, table, make("div", {}, ...words)), ...(!q.draws ? [] : Array.isArray(q.draws[0]?.[0]) ? [make("div", { className: "plots" }, ...q.draws.map((ends) => axes(page, ends)))] : [axes(page, q.draws)])];
   }
   if (q.kind !== "cells" || page.run.lattice?.dimension !== 2) return text ?? lines(drawsBody(q) ? 1 : q.lines ?? 3);
   const guess = lesson.guesses[q.key] ?? {}, first = lesson.firsts[q.key], spawned = {}, { scene, cells = page.start.cells } = page.presets[q.show?.preset ?? 0];
@@ -458,7 +458,7 @@ function axes({ t }, ends) {
   const across = given ? ticksOf(left, right, 10) : [], up = given ? ticksOf(low, high, bottom / 26).filter((v) => v !== low) : [];
   return draw("svg", { viewBox: `0 0 420 ${height + (named && 16)}`, width: 420, height, class: height > 152 ? "tall" : "", "aria-hidden": "true" }, draw("path", { d: `${across.map((v) => `M${X(v)} ${bottom}V14`).join("")}${up.map((v) => `M80 ${Y(v)}H400`).join("")}`, fill: "none", stroke: "#c4cad0" }),
     draw("path", { d: `M${zero} ${bottom + 6}V4m-4 8l4 -8l4 8M8 ${bottom}H412m-8 -4l8 4l-8 4${across.map((v) => `M${X(v)} ${bottom}v5`).join("")}${up.map((v) => `M${zero} ${Y(v)}h-5`).join("")}`, fill: "none", stroke: "#000" }),
-    ...told(across, named ? "" : x, (v) => ({ x: X(v), y: bottom + 18, "text-anchor": "middle" })), ...told(up, y, (v) => ({ x: zero - 8, y: Y(v) + 4, "text-anchor": "end" })), draw("text", { x: 400, y: bottom + 34, "text-anchor": "end", "font-size": 12 }, named));
+    ...told(across, named ? "" : x, (v) => ({ x: X(v), y: bottom + 18, "text-anchor": "middle" })), ...told(up, t(`along_${y}`, { otherwise: y }), (v) => ({ x: zero - 8, y: Y(v) + 4, "text-anchor": "end" })), draw("text", { x: 400, y: bottom + 34, "text-anchor": "end", "font-size": 12 }, named));
 }
 
 /** The part of the body round the loads, with a number in every cell that has one. */

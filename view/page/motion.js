@@ -250,8 +250,10 @@ export class MotionPage extends Page {
   }
   /** What a run goes along, in a word: time, breaks, shares of the load ... */
   get way() { const { t, along, at } = this; return along === "s" ? t("time") : t(`along_${along === "stage" && at.at(-1) <= 1 && at.length > 2 ? "share" : along}`); }
+  /** How the parts of a rod stand, drawn, and what each has of the dent. */
+  rod(g = this.g) { return rodOf(this, g); }
   tell() {
-    const { picked, parts, t } = this, rod = this.lesson && this.along === "s" && this.corners === 2 ? [rodOf(this)] : [];
+    const { picked, parts, t } = this, rod = this.lesson && this.along === "s" && this.corners === 2 ? this.rod() : [];
     if (picked < 0 || !this.there(picked)) { parts.story.replaceChildren(...rod, make("p", { textContent: t(rod.length ? "rodDrawn" : this.corners === 2 ? (this.along === "s" ? "pickRod" : "pickSpring") : this.fields.level ? "pickAgent" : "pickPart") })); return; }
     const row = (name) => [make("dt", { textContent: this.word(name) }), make("dd", {}, make("data", { value: String(this.value(picked, name)), textContent: this.read(name) }))];
     const known = (name) => (name === "move" && this.born ? this.moved[this.g].some(Boolean) : !Number.isNaN(this.value(picked, name)));   // generations before the last tell less
@@ -301,12 +303,12 @@ export class MotionPage extends Page {
 }
 
 /** What the picked rod is made of, as it stands now, pushed or pulled as far as its force says; none picked: the one that is pushed most. While a force acts the second damper goes on, and stays; spring and damper beside it have the rest. */
-function rodOf({ t, at, g, curveList, fields: { tension }, picked }) {
+function rodOf({ t, at, curveList, fields: { tension }, picked }, g) {
   const [dent, force] = ["Displacement", "History"].map((name) => Object.values(curveList.find(({ title }) => title === name).lines)[0]), most = Math.max(...dent), forces = tension[dent.indexOf(most)], words = t("rodParts").split("|");
   const px = 42 / most * (picked < 0 ? 1 : -forces[picked] / largest(forces));   // by which it is shortened
   const pushed = (n) => force.slice(1, n + 1).reduce((sum, f, i) => sum + 0.5 * (f + force[i]) * (at[i + 1] - at[i]), 0), stays = dent.at(-1) * pushed(g) / pushed(at.length);
   const a = 150 - px * (dent[g] - stays), b = a + 130 - px * stays, wave = Array.from({ length: 10 }, (_, i) => `L${32 + (a - 44) * (i + 0.5) / 10} ${i % 2 ? 20 : 36}`).join(""), damper = (x, to, y) => `M${x} ${y}h12m70 -9h-70v18h70M${to - 73} ${y - 7}v14m0 -7H${to}`;
-  return draw("svg", { class: "chart rod", viewBox: "0 0 320 98", role: "img", "aria-label": words.join(", ") }, draw("path", { d: `M20 28V66M${a} 28V66M20 28h12${wave}L${a - 12} 28H${a}${damper(20, a, 66)}${damper(a, b, 47)}` }), ...[14, b + 6].map((cx) => draw("circle", { cx, cy: 47, r: 6 })), ...words.map((word, n) => draw("text", { x: [90, 90, a + 65][n], y: [12, 92, 74][n], "text-anchor": "middle" }, word)));
+  return [draw("svg", { class: "chart rod", viewBox: "0 0 320 98", role: "img", "aria-label": words.join(", ") }, draw("path", { d: `M20 28V66M${a} 28V66M20 28h12${wave}L${a - 12} 28H${a}${damper(20, a, 66)}${damper(a, b, 47)}` }), ...[14, b + 6].map((cx) => draw("circle", { cx, cy: 47, r: 6 })), ...words.map((word, n) => draw("text", { x: [90, 90, a + 65][n], y: [12, 92, 74][n], "text-anchor": "middle" }, word))), make("p", { textContent: t("rodGives", { a: quantity(dent[g] - stays, "m", most), b: quantity(stays, "m", most) }) })];
 }
 
 // ------------------------------------------------------------------------------------- a file

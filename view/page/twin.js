@@ -6,7 +6,7 @@ import { cornersOf } from "./deformation.js";
 import { RIGID, ROLLER } from "./lattice.js";
 import { FONT, paintCells, paintLegend, paintNumbers, paintPick, paintWord, View } from "./paint.js";
 import { hand } from "./scene.js";
-import { general, largest, quantity, roundDown } from "./words.js";
+import { general, largest, local, quantity, roundDown } from "./words.js";
 
 const NOTHING = 1 / 400, SHADES = 4;              // of a scale: what looks like nothing; steps of a difference below and above it
 const footOf = (page) => (page.lesson || settings(page).ruler ? 64 : 48);   // room for the numbers of columns
@@ -81,12 +81,13 @@ function paintRuler(page, view) {
     for (const p of [a, b]) { ctx.beginPath(); ctx.arc(...p, 6, 0, 7); ctx.stroke(); if (width < 5) { ctx.fillStyle = inks.paper; ctx.fill(); } }
   }
 }
-function lay(page, event) {                    // snaps to rows and columns
-  const { view, run: { lattice: { shape } } } = page, { twin } = page.look, p = [(event.offsetX - view.x0) / view.u, (view.y0 - event.offsetY) / view.u];
-  const { axis } = twin.ruler;
-  twin.ruler = { axis, at: Math.max(0, Math.min(shape[1 - axis] - 1, Math.floor(p[1 - axis]))) };
+/** The ruler is moved; it snaps to rows and columns. */
+function rulerTo(page, at) {
+  const { look: { twin: { ruler } }, run: { lattice: { shape } } } = page;
+  ruler.at = Math.max(0, Math.min(shape[1 - ruler.axis] - 1, at));
   page.later();
 }
+const lay = (page, { offsetX, offsetY }, { x0, y0, u } = page.view) => rulerTo(page, Math.floor((page.look.twin.ruler.axis ? offsetX - x0 : y0 - offsetY) / u));
 
 /** Both profiles over the length of the ruler, as a drawing: solid and dots, dashed and squares, half widths marked. */
 function profileChart(page, both, { at, rule, elastic }) {
@@ -104,7 +105,7 @@ function profileChart(page, both, { at, rule, elastic }) {
 }
 function rulerCard(page, both) {
   const { t, look: { twin: { ruler } }, run: { lattice: { h, shape } } } = page, profile = profileOf(page, both), { rule, elastic } = profile;
-  const title = t(ruler.axis ? "columnAt" : "rowAt", { x: `${general(100 * h * (ruler.axis ? ruler.at + 0.5 : shape[1] - ruler.at - 0.5), 3)} cm`, n: ruler.axis ? ruler.at + 1 : shape[1] - ruler.at, side: t(ruler.axis ? "left" : "top") });
+  const title = t(ruler.axis ? "columnAt" : "rowAt", { n: ruler.at, c: t("inCells", { n: local(String(ruler.axis ? ruler.at + 0.5 : shape[1] - ruler.at - 0.5)) }), side: t(ruler.axis ? "left" : "top") });
   const wide = ({ half, largest }) => (half ? `${general(100 * half.width, 3)} cm (${t("inCells", { n: general(half.width / h, 3) })})` : largest > 0 ? t("widest") : "–"), known = [["theRule", "rule", rule], ["elastic", "elastic", elastic]].filter(([, , one]) => one);
   const row = (word, show) => make("tr", {}, make("th", { scope: "row", textContent: t(word) }), ...known.map(([, className, one]) => make("td", { className, textContent: show(one) })));
   const table = make("table", {}, make("tr", {}, make("td"), ...known.map(([word, className]) => make("th", { scope: "col", className, textContent: t(word) }))),
@@ -191,7 +192,7 @@ MODES.push({
     const { t, look, lesson } = page, two = settings(page), put = (part) => { look.twin = Object.assign(two, part); page.past.note(); page.refresh(); };
     const narrow = page.solid || page.stageBox?.clientWidth <= 560, free = !lesson || (lesson.step === "try" && !narrow), shown = Object.keys(BOTH).filter((name) => name !== "across" || page.run.lattice.dimension === 2).map((name) => [name, t(name)]);
     return [...(narrow || page.ruleAlone ? [] : [segments(t("views"), two.layout, [["swipe", t("swipe")], ["beside", t("sideBySide")]], (layout) => put({ layout }))]), ...(free ? [picker(t("colour"), two.show, shown, (show) => put({ show }))] : []),   // a question says itself what is read
-      ...(page.solid || page.ruleAlone ? [] : [button(t("ruler"), () => this.called(page), { ariaPressed: String(Boolean(two.ruler)) })]),
+      ...(page.solid || page.ruleAlone || (narrow && lesson?.question?.show?.look?.twin?.ruler) ? [] : [button(t("ruler"), () => this.called(page), { ariaPressed: String(Boolean(two.ruler)) })]), ...(two.ruler ? [-1, 1].map((way) => button((two.ruler.axis ? "◀▶" : "▼▲")[(way + 1) / 2], () => { rulerTo(page, two.ruler.at + way); page.past.note(); }, { title: t(way < 0 ? "rulerBack" : "rulerOn"), ariaLabel: t(way < 0 ? "rulerBack" : "rulerOn") })) : []),
       ...(free ? [button(t("shape"), () => { look.deformed = !look.deformed; put({}); }, { ariaPressed: String(look.deformed) })] : []), page.twin?.line ?? ""];
   },
   cards: (page) => (page.twin ? [page.twin.card = make("section", { className: "card", hidden: true }, page.twin.profile, rulerTools(page)), page.twin.numbers] : []),
@@ -215,12 +216,12 @@ MODES.push({
     for (const [name, align] of [["rule", "right"], ["elastic", "left"]]) if (views[name]) paintWord(views[name].ctx, t(name === "rule" ? "theRule" : "elastic"), swipe ? x + (name === "rule" ? -26 : 26) : views[name].w / 2, page.solid ? 16 : views[name].y0 - 14, inks[name], inks, { align: swipe ? align : "center", font: `600 ${FONT}` });
     if (!answer) twin.elastic.firstChild.ariaLabel = twin.gap.firstChild.ariaLabel = t("solving");
     twin.elastic.style.clipPath = swipe ? `inset(0 0 0 ${x}px)` : "";
-    twin.handle.style.left = `${x - 22}px`; twin.handle.ariaValueMax = nx; twin.handle.ariaValueNow = String(Number((two.split).toFixed(3)));
+    twin.handle.style.left = `${x - 22}px`; twin.handle.style.top = page.solid ? "" : `${views.rule.y0 - u * views.rule.height - 2}px`; twin.handle.ariaValueMax = nx; twin.handle.ariaValueNow = String(Number((two.split).toFixed(3)));
     const [drawn] = page.drawnWith;
     twin.line.textContent = page.ruleAlone ? "" : t(drawn.factor ? "inBoth" : "flatBoth", { q: t(drawn.quantity), n: drawn.factor.toLocaleString("en").replaceAll(",", " ") });
     twin.numbers.replaceChildren(...numbersCard(page, both, read)); twin.numbers.hidden = !twin.numbers.childElementCount;
     twin.card.hidden = !two.ruler;
-    if (two.ruler && !page.playing) twin.profile.replaceChildren(...rulerCard(page, both));
+    if (two.ruler) twin.profile.replaceChildren(...rulerCard(page, both));
     page.parts.cap.textContent = page.told || (two.ruler ? page.ruled : page.run.kinds[read] >= 0 ? readingAt(page, both, read) : "");
   },
   press(page, event) {
@@ -239,8 +240,7 @@ MODES.push({
   key(page, event) {
     const { ruler } = settings(page), by = { ArrowUp: [0, 1], ArrowDown: [0, -1], ArrowLeft: [1, -1], ArrowRight: [1, 1] }[event.key];
     if (!ruler || !event.shiftKey || !by || by[0] !== ruler.axis) return false;
-    ruler.at = Math.max(0, Math.min(page.run.lattice.shape[1 - ruler.axis] - 1, ruler.at + by[1]));
-    page.past.note(); page.later();
+    rulerTo(page, ruler.at + by[1]); page.past.note();
     return true;
   },
 });

@@ -310,8 +310,18 @@ def test_a_drawing_is_a_guess_and_a_number_rounded_well_is_nearly_right(opened, 
 
 def test_the_strength_at_which_nothing_breaks_is_found_by_the_slider(opened, tmp_path):
     page = opened(*make_pages.make_lesson(lesson("write-the-rule"), tmp_path), language="de-DE")
+    page.js("page.lesson.go(2)")
+    chosen, guess = page.tab.get_by_label("Beginne mit"), page.tab.get_by_label("Deine Vermutung")
+    chosen.select_option("oneway")  # it waits for the guesses
+    page.until("page.root.activeElement?.ariaLabel === 'Deine Vermutung'")
+    assert not page.js("page.studio.result || page.studio.pending")
+    guess.fill("17, 17, 1, 34")
+    top = page.js("page.root.querySelector('aside .body').scrollTop = 200")
+    chosen.select_option("standard")
+    page.until("page.studio.result?.agents === 34")
+    assert page.js("page.root.querySelector('aside .body').scrollTop") == top
     page.js("page.lesson.open(3)")
-    page.tab.get_by_label("Beginne mit").select_option("breaking")
+    chosen.select_option("breaking")
     field = page.tab.get_by_label("Festigkeit (N): Zahl")
     tried = [("1,15", "Enter", 1.15, 1), ("", "ArrowUp", 1.16, 1), ("", "ArrowUp", 1.17, 0)]
     for typed, key, strength, broken in [*tried, ("0,6", "Enter", 0.6, 1)]:
@@ -333,6 +343,12 @@ def test_the_strength_at_which_nothing_breaks_is_found_by_the_slider(opened, tmp
     page.tab.get_by_label("Der Agent, in Python").press("End")
     page.tab.keyboard.type("  # so")
     assert "noch nicht gestartet. Vorher: 18 Agenten" in page.text("aside .flow")
+    field = page.tab.get_by_label("γ Schwelle: Zahl")
+    for typed, invalid in (("10 µN", "false"), ("1 µN", "true")):  # its least value is in reach
+        field.evaluate(f"(field) => {{ field.value = '{typed}'; field.onblur(); }}")
+        assert field.get_attribute("aria-invalid") == invalid
+    told = page.js("page.root.querySelector('.wrong:not([hidden])').textContent")
+    assert told == "1 µN liegt nicht zwischen 10 µN und 10 N: Es bleibt bei 10 µN."
 
 
 @pytest.mark.slow

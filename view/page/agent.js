@@ -104,6 +104,8 @@ export class Workshop {
     });
     return result.promise;
   }
+  /** Run what a reader asks for; a question's guess comes first. */
+  start() { this.page.goal = null; if (this.page.limit) this.run(); else requestAnimationFrame(() => this.page.lesson.ask()); this.say(); }
   wait() {
     clearTimeout(this.watch);
     this.watch = setTimeout(() => {
@@ -185,20 +187,20 @@ export class Workshop {
     this.field.ariaLabel = t("codeField");
     this.gutter ??= make("div", { className: "gutter", ariaHidden: "true" });
     this.number();
-    const titles = Object.keys(this.ready), choose = choice(t("readyAgents"), this.chosen, [...(this.chosen ? [] : [["", "–"]]), ...titles.map((n) => [n, page.say(this.ready[n].name)])], (n) => { if (n) { this.put(n); this.run(); page.rebuild(); } });
-    this.anew = button(t("startAgain"), () => { this.put(this.chosen); if (!this.foreign) this.run(); page.rebuild(); });
+    const titles = Object.keys(this.ready), choose = choice(t("readyAgents"), this.chosen, [...(this.chosen ? [] : [["", "–"]]), ...titles.map((n) => [n, page.say(this.ready[n].name)])], (n) => { if (n) { this.put(n); this.start(); page.rebuild(); } });
+    this.anew = button(t("startAgain"), () => { this.put(this.chosen); if (!this.foreign) this.start(); page.rebuild(); });
     const asks = this.asIs ? [make("p", { className: "soft", textContent: page.say(this.asIs.question) })] : [];
     const bars = this.active ? this.parameters.map((p) => (typeof p.value === "boolean" ? tick(page.say(this.called(p.label)), p.value, (on) => this.turn(p, on))
       : slider(page.say(this.called(p.label)), { value: p.value, min: p.low, max: p.high, step: p.whole ? 1 : roundDown((p.high - p.low) / 500), show: (v) => general(v, 4), t }, (v) => this.turn(p, v)))) : [];
     this.out = make("p", { role: "status" }); this.say();
     const game = make("p", { className: "soft small", textContent: t("challengeIs", { a: general(this.applied(), 3), w: general(0.95 * this.applied(), 3) }) }), score = make("p", { className: "small", role: "status", textContent: this.challenge().filter(Boolean).join(" · ") });
     return [choose, ...asks, this.out, ...(this.problem ? [make("p", { className: "soft small", textContent: t(page.own ? "oldPicture" : "standardPicture") })] : []), ...bars, make("div", { className: "editor" }, this.gutter, this.field),
-      make("div", { className: "tools" }, button(`${t("runCode")} (${/Mac|iP/.test(navigator.platform) ? "⌘ Enter" : t("runKeys")})`, () => { page.goal = null; this.run(); this.say(); }, { className: "main" }), this.anew, button(t("saveAgent"), () => this.save()), button(t("standardRule"), () => this.leave())),
+      make("div", { className: "tools" }, button(`${t("runCode")} (${/Mac|iP/.test(navigator.platform) ? "⌘ Enter" : t("runKeys")})`, () => this.start(), { className: "main" }), this.anew, button(t("saveAgent"), () => this.save()), button(t("standardRule"), () => this.leave())),
       ...([undefined, page.lesson?.questions.at(-1)].includes(page.lesson?.question) && this.asks ? [game, score] : []), ...(this.printed ? [make("pre", { className: "printed", tabIndex: 0, textContent: this.printed + (this.shown > PRINTED ? `… ${this.shown}` : "") })] : [])];
   }
   /** Say how the run went, or what hinders one; also that the lines are others by now. */
   say() {
-    const { page: { t }, code, problem, foreign } = this, no = refused(code), lacks = no ? [no.word] : code === this.first ? this.needs : [], score = this.active && this.result?.agents !== undefined && this.score();
+    const { page, page: { t }, code, problem, foreign } = this, no = refused(code), lacks = no ? [no.word] : code === this.first ? this.needs : [], score = this.active && page.limit && this.result?.agents !== undefined && this.score();
     const words = problem ? problem.error : code !== this.ran && !foreign ? (score ? `${t("notRun")} ${score}` : t("codeHint")) : lacks.length ? t("notInPage", { n: lacks.join("`, `") }) : foreign ? t("foreign") : this.pending ? t("solving") : score || t(...(this.whose ? ["otherAgents", { n: this.whose }] : ["codeHint"]));
     this.anew.disabled = code === this.base;
     Object.assign(this.out, { className: problem ? "verdict bad" : "verdict open" }).replaceChildren(...words.split("`").map((part, n) => (n % 2 ? make("code", { textContent: part }) : part)));
@@ -238,7 +240,7 @@ export class Workshop {
   key(event) {
     const { field } = this, { value, selectionStart: at, selectionEnd: to } = field, start = value.lastIndexOf("\n", at - 1) + 1;
     const type = (text) => { event.preventDefault(); document.execCommand("insertText", false, text); };
-    if (event.key === "Enter" && (event.ctrlKey || event.metaKey)) { event.preventDefault(); this.run(); return; }
+    if (event.key === "Enter" && (event.ctrlKey || event.metaKey)) { event.preventDefault(); this.start(); return; }
     if ((event.ctrlKey || event.metaKey) && event.key.toLowerCase() === "z" && value === this.ran) { event.preventDefault(); this.page.past.go(event.shiftKey ? 1 : -1); return; }   // nothing typed since it ran
     if (event.key === "Escape") { this.left = true; return; }   // then Tab leaves the editor
     if (event.key === "Tab" && !this.left && !event.shiftKey) type(" ".repeat(4 - (at - start) % 4));

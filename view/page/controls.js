@@ -69,15 +69,15 @@ export function numberField({ label, value, min, max, unit = "", log = false, st
   const field = make("input", { type: "text", className: "field", inputMode: "decimal", value: written(value), ariaLabel: t("typed", { name: label }), autocomplete: "off" });
   const put = (v) => { value = v; field.value = written(v); error.hidden = true; field.ariaInvalid = "false"; };
   const take = () => {
-    const prefix = unit && unit !== "°" && value ? prefixOf(Math.abs(value), unit)[1] : "", v = numberOf(field.value, unit, prefix + unit);   // beside "10 mN", 4.5 is 4.5 mN
+    const prefix = unit && unit !== "°" && value ? prefixOf(Math.abs(value), unit)[1] : "", v = numberOf(field.value, unit, prefix + unit), off = 1e-9 * Math.abs(v);   // beside "10 mN", 4.5 is 4.5 mN
     if (field.value === written(value)) { put(value); return; }
-    if (v >= min && v <= max) { put(v); change(v); return; }
-    error.textContent = Number.isNaN(v) ? t("noNumber") : t("outOfRange", { x: written(v), a: written(min), b: written(max) });
+    if (v >= min - off && v <= max + off) { put(v); change(v); return; }
+    error.textContent = Number.isNaN(v) ? t("noNumber") : t("outOfRange", { x: written(v), a: written(min), b: written(max), v: written(value) });
     error.hidden = false; field.ariaInvalid = "true";
   };
   field.onkeydown = (event) => {
     const turn = { ArrowUp: 1, ArrowDown: -1 }[event.key];
-    if (event.key === "Enter") take();
+    if (event.key === "Enter") { take(); error.scrollIntoView({ block: "nearest" }); }
     else if (event.key === "Escape") { put(value); event.stopPropagation(); }
     else if (turn) {
       const by = turn * (event.shiftKey ? 10 : 1) * step, v = log ? value * 10 ** by : value + by;

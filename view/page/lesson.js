@@ -99,7 +99,7 @@ export class Lesson {
   ask(word = this.begun(this.question) ? "stillOpen" : "answerFirst") {
     const { page, saved, question: q } = this, fields = [...page.root.querySelectorAll("aside .question ~ textarea, aside .question ~ .fields .field")];
     if (word === "stillOpen") Object.assign(this, { asked: q, askedIn: page.past.gesture });
-    Object.assign(saved, { textContent: page.t(word === "answerFirst" && mayDraw(q) ? "drawOrSay" : word, { x: this.missing(word === "answerFirst" && q.guess ? q.guess : q).join(" · ") }), className: "saved bad" }).scrollIntoView({ block: "nearest" });
+    Object.assign(saved, { textContent: page.t(word === "answerFirst" && mayDraw(q) ? "drawOrSay" : word, { x: this.missing(word === "answerFirst" && q.guess ? q.guess : q).join(" · ") }), className: "saved bad" }).scrollIntoView({ block: "center" });
     if (q.kind !== "cells") fields.find(({ value }) => !value.trim())?.focus({ preventScroll: true });
   }
   /** On from a question; who has left something open hears of it first. */

@@ -143,7 +143,7 @@ export class Page {
     if (!this.mode) this.look.mode = "body";
     this.mode?.open?.(this);
     if (!quiet) this.past.note();
-    this.rebuild();
+    this.rebuild(this.lesson ? undefined : 0);
   }
   scaleLoads(factor) {
     this.scene.loads.forEach((load) => { load.force = load.force.map((f) => f * factor / this.factor); });
@@ -360,11 +360,13 @@ export class Page {
     this.canvas.addEventListener("dblclick", (event) => { this.loads.double(event); });
     this.canvas.addEventListener("pointerleave", () => { this.parts.tip.hidden = true; });
   }
-  rebuild() {
+  /** Build all anew; what is read or chosen in the side stays where it was. */
+  rebuild(seen = this.root.querySelector("aside .body")?.scrollTop ?? 0) {
     this.parts.shows = null;
     this.parts.header = buildHeader(this);
     const tries = this.touchable && !this.lesson && !this.mode?.alone ? [buildTries(this)] : [];
     this.anew(() => this.host.replaceChildren(this.parts.header, buildBar(this), ...tries, this.stageBox, buildFooter(this), buildAside(this)));
+    this.root.querySelector("aside .body").scrollTop = seen;
     this.host.lang = this.language; this.host.dataset.sheet = this.sheet;
     this.certify(); this.header(); this.later();
   }

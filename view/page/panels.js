@@ -90,7 +90,7 @@ export function panelsOf(page) {
   if (page.touchable) panels.rule = () => rulePanel(page);
   panels.look = () => lookPanel(page);
   if (page.touchable && page.run.lattice.dimension === 2) panels.draw = () => drawPanel(page);
-  if (page.text || page.studio) panels.about = () => [...(page.text ? [rendered(page.say(page.text))] : []), ...(page.studio ? [make("p", { className: "soft small", textContent: page.studio.licence })] : [])];
+  if (page.text || page.studio) panels.about = () => [...(page.text ? [rendered(page.say(page.text))] : []), ...(page.studio ? [make("details", { className: "soft small" }, make("summary", { textContent: page.studio.licence.split(":")[0] }), page.studio.licence)] : [])];
   const declared = page.touchable ? [] : page.own?.parameters ?? [];   // as they were in the run
   if (page.own?.source && !page.studio) panels.source = () => [...declared.map(({ label, value }) => make("div", { className: "row" }, make("span", { textContent: label }), make("data", { value: String(value), textContent: String(value) }))), make("pre", { tabIndex: 0, textContent: page.own.source })];
   return panels;

@@ -18,12 +18,13 @@ from kaju.model.elastic.equal.cell_agents import CellAgents
 from kaju.model.elastic.equal.grid import Grid, problem_of_scene
 from kaju.model.elastic.equal.staggered import axis_pairs, edge_modulus, padded
 from kaju.model.elastic.equal.supports import check_supports, slender_cell
-from kaju.model.scene import Body, Scene
+from kaju.model.scene import AppliedLoads, Body, Scene
 from kaju.model.scene.cell_types import NOT_BODY
 from kaju.model.scene.pictures import check_size
 from kaju.model.scene.shapes import Points, Shape
 
 SLIVER = 1e-4  # cells of which less is body are taken as empty
+STRAIGHT = 0.02  # by which shares may differ along the normal of a side that outlines meet
 EMPTY, CUT, WHOLE = 0, 1, 2
 PARTS = 4  # parts of a cut cell along every axis, on whose tetrahedra the level is taken as linear
 _PATHS = np.array(
@@ -77,10 +78,10 @@ def grid_of_solid(scene: Scene, resolution: int) -> tuple[Grid, Floats]:
             f"body.regions: {left_out:.0%} of the body, or what joins its parts, is thinner than "
             f"two cells of {solid.edge:.3g} m, which carry no shear; give a larger resolution"
         )
-    _check_loads(scene, body, sorts)
+    loads = _loads(grid, eighths)
     check_supports(like, origin)
     share = np.where(body, share, 1.0)
-    problem, _ = problem_of_scene(grid, None, share)
+    problem, _ = problem_of_scene(grid, None, share, loads)
     box = tuple(slice(2 * a, 2 * (a + n)) for a, n in zip(origin, problem.shape, strict=True))
     edges = {
         pair: edge_modulus(like, pair)
@@ -92,19 +93,36 @@ def grid_of_solid(scene: Scene, resolution: int) -> tuple[Grid, Floats]:
     return Grid(grid, problem, origin, resolution, notes if left_out > 1e-4 else ()), share
 
 
-def _check_loads(scene: Scene, body: Flags, sorts: NDArray[np.int8]) -> None:
-    """Refuse loads on sides that an outline meets: where they act would be a guess."""
-    for number, load in enumerate(scene.loads):
-        axis, upper = divmod(scene.lattice.sides.index(str(load.side)), 2)
-        own, sort = (np.moveaxis(values, axis, 0)[-upper] for values in (body, sorts))
-        unlike = own != (sort == WHOLE)
-        if (unlike | (sort == CUT)).any():
-            row = np.argwhere(unlike | (sort == CUT))[0].tolist()
-            row.insert(axis, (body.shape[axis] - 1) * upper)
+def _loads(grid: Scene, eighths: Floats) -> AppliedLoads:
+    """Return the loads, each force spread over what share of the cells' faces is body."""
+    found = []
+    for number, (load, chosen) in enumerate(zip(grid.loads, grid.selections, strict=True)):
+        axis, upper = divmod(grid.lattice.sides.index(str(load.side)), 2)
+        outer, inner = np.moveaxis(eighths, axis, 0)[[-1, -2] if upper else [0, 1]]
+        share = _pairwise(_pairwise(outer, 0), 1)
+        beside = tuple(np.delete(chosen.cells, axis, 1).T)
+        other = np.array(share)
+        other[beside] -= 1.0
+        # What lies along the side, or a pressure on a part of a face, would be a guess.
+        wrong = np.abs(outer - inner).reshape(len(share), 2, -1, 2).max(axis=(1, 3)) > STRAIGHT
+        wrong |= (load.force is None) & (other != 0.0)
+        if wrong.any():
+            row = np.argwhere(wrong)[0].tolist()
+            row.insert(axis, (grid.lattice.shape[axis] - 1) * upper)
             raise SceneError(
                 f"loads.{number}: an outline meets the side it acts on, at cell {row}; load a side "
-                'that none meets, or take outline = "cells" for the regions that do'
+                "that none meets (by a force one that it meets at a right angle), or take outline "
+                '= "cells" for the regions that do'
             )
+        own = share[beside]
+        force = chosen.forces(load, grid.lattice, 1.0)
+        if load.force is not None:
+            force = np.outer(own / own.sum(), force.sum(axis=0))
+        found.append((chosen.cells, chosen.direction, force))
+    if not found:  # sides are moved
+        return grid.applied()
+    cells, direction, force = (np.concatenate(one) for one in zip(*found, strict=True))
+    return AppliedLoads(cells, direction, force)
 
 
 class SolidBody(NamedTuple):

@@ -122,6 +122,27 @@ def test_a_hole_through_a_block_is_that_of_the_plane() -> None:
     assert answer.strain_energy == pytest.approx(0.5 * (low + high), rel=1e-2)
 
 
+def test_a_round_bar_is_loaded_at_its_end() -> None:
+    bar: dict[str, Any] = {"cylinder": {"ends": [[-1.0, 0.5, 0.5], [9.0, 0.5, 0.5]], "radius": 0.4}}
+    body = {"size": [8, 1, 1], "cells": [64, 8, 8], "material": "air"}
+    body["regions"] = [bar | {"material": "steel", "outline": "true"}]
+
+    def ended(**load: Any) -> Any:
+        loads, sides = [{"side": "right", **load}], {"left": "rigid"}
+        return kaju.solve(kaju.Scene(body=body, materials=STEEL, sides=sides, loads=loads))
+
+    area, bent, answer = np.pi * 0.4**2, np.pi * 0.4**4 / 4.0, ended(force=[1.0, 0.0, 1.0])
+    moved = 206e9 * answer.displacement_at(np.array([[8.0, 0.5, 0.5]]))[0]
+    shear = 8.0 * 2.6 / area * (7.0 + 6.0 * 0.3) / (6.0 * 1.3)  # Cowper's
+    assert moved == pytest.approx([8.0 / area, 0.0, 8.0**3 / 3.0 / bent + shear], rel=0.03, abs=9.0)
+    assert answer.couples["left"] == pytest.approx([0.0, 8.0, 0.0], abs=1e-6)
+    assert all(check.holds for check in answer.checks())
+    for wrong in ({"pressure": 1.0}, {"force": [1.0, 0.0, 0.0]}):
+        with pytest.raises(kaju.KajuError, match="an outline meets the side it acts on"):
+            ended(**wrong)
+        bar["cylinder"]["ends"][1][1] = 0.9  # a slanted one
+
+
 def test_a_surface_is_the_body(tmp_path: Path) -> None:
     path = stl(tmp_path / "part.stl", (500.0 + 180.0 * CUBE @ TURN).astype(np.float32))
     scene = block(6, {"surface": {"file": path, "scale": 0.001}})

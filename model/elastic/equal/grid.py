@@ -33,13 +33,16 @@ Origin = tuple[int, ...]
 
 
 def problem_of_scene(
-    scene: Scene, stage: int | None = None, stiffness: Floats | None = None
+    scene: Scene,
+    stage: int | None = None,
+    stiffness: Floats | None = None,
+    loads: AppliedLoads | None = None,
 ) -> tuple[ElasticProblem, Origin]:
     """Return the problem that a scene poses, cut to the box around its body.
 
     With it comes the scene's cell that is the problem's first. `stiffness` is what the materials'
     moduli are multiplied by, cell by cell: every cell of material is a kind of its own then,
-    numbered row by row.
+    numbered row by row. `loads` stand for those of the scene.
     """
     lattice = scene.lattice
     check_boxes(lattice)
@@ -60,7 +63,7 @@ def problem_of_scene(
         constants[:, 0] *= np.pad(stiffness, 1)[box][body]
         kinds[body] = np.arange(len(constants))
     used = constants if len(constants) == 1 else constants[np.unique(kinds[body])]
-    loads = scene.applied(stage).within(lower, upper)
+    loads = (scene.applied(stage) if loads is None else loads).within(lower, upper)
     try:
         modulus, sides = float(used[:, 0].max()), sides_of(scene, lower, upper).values()
         scales = Scales.of_cells(scene, modulus, loads.force, sides)

@@ -27,7 +27,7 @@ from kaju.model.scene.lattice import check_boxes
 from kaju.model.scene.selection import AppliedLoads
 
 from .problem import ACTIVE, ElasticProblem, FaceFields, face_zeros, rim_layer
-from .supports import check_supports, slender_cell
+from .supports import LOOSE, check_supports, slender_cell
 
 Origin = tuple[int, ...]
 
@@ -146,10 +146,9 @@ class Grid(NamedTuple):
     division: int  # Cells per cell of the scene that was asked about, along every axis
     notes: tuple[str, ...] = ()  # What was changed by itself, in words
 
-    @property
-    def narrow(self) -> str:
-        """Where a member is one cell wide, "" if none is."""
-        if (cell := slender_cell(self.problem)) is None:
+    def narrow(self, share: float = 0.0) -> str:
+        """Return where a member is one cell wide, "" if none is; see `slender_cell`."""
+        if (cell := slender_cell(self.problem, share)) is None:
             return ""
         return f"({', '.join(str(a + b) for a, b in zip(cell, self.origin, strict=True))})"
 
@@ -178,20 +177,22 @@ def grid_of(
         one, other = ((np.minimum(p.kinds, 0), *p.spring) for p in (grid.problem, known))
         if all(map(np.array_equal, one, other)):
             return grid
-    narrow, loose = grid.narrow, None
+    thin = grid.narrow(LOOSE)
+    narrow, loose = thin and grid.narrow(), None
     if not narrow:
+        told = f"a member is one cell wide at {thin} beside what is far softer, and yields too much"
+        notes = (f"{told}: take a tolerance, or resolution={2 * division}",) if thin else ()
         try:
-            return grid._replace(
-                problem=check_supports(grid.problem, grid.origin, division, slides)
-            )
+            problem = check_supports(grid.problem, grid.origin, division, slides)
+            return grid._replace(problem=problem, notes=notes)
         except SupportError as error:
             if "could turn" not in str(error):
                 raise
             loose = error
     finer = refined(2 * division)
-    if narrow and finer.narrow:
+    if narrow and (where := finer.narrow()):
         raise SceneError(
-            f"body: a member is one cell wide at cell {finer.narrow} of the grid refined by "
+            f"body: a member is one cell wide at cell {where} of the grid refined by "
             f"{2 * division} and carries no shear; widen it, or give a larger resolution"
         )
     try:

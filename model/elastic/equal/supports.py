@@ -22,8 +22,20 @@ from kaju.model.scene.cell_types import FOUNDATION, RIGID
 
 from . import staggered
 from .problem import ABSENT, ACTIVE, FIXED, ElasticProblem, coarse_box, is_box
-from .staggered import Numbering, around_edges, axis_pairs, cut, edge_modulus, ends, padded
+from .staggered import (
+    Numbering,
+    around_edges,
+    axis_pairs,
+    cell_modulus,
+    cut,
+    edge_modulus,
+    ends,
+    padded,
+)
 
+LOOSE = 0.05
+"""Of a member one cell wide beside what is 40 times softer the edges have less than this share of
+its own shear modulus; beside what is a hundred times softer bars bend by a third too much."""
 GRIP = 1e-7
 """Share of the body's stiffness by which a bed grips a body that nothing else holds along it, and
 no load pushes there: so its middle stays where it is, and answers are off by about as little."""
@@ -108,8 +120,11 @@ def _motions(face: Ints, axis: int) -> Floats:
     return rigid_motions(place, np.full(len(face), axis))
 
 
-def slender_cell(problem: ElasticProblem) -> tuple[int, ...] | None:
-    """Return a cell whose link to its neighbour carries no shear, None if there is none."""
+def slender_cell(problem: ElasticProblem, share: float = 0.0) -> tuple[int, ...] | None:
+    """Return a cell whose link to its neighbour carries no shear, None if there is none.
+
+    Or no more than a share of what it would among cells of its own.
+    """
     # Two cells that share a face can slide past each other if the edges at both ends of the face
     # carry no shear, unless both are kept from sliding by a support.
     if is_box(problem):
@@ -117,15 +132,17 @@ def slender_cell(problem: ElasticProblem) -> tuple[int, ...] | None:
     d = problem.dimension
     states = problem.face_states
     solid, rigid = problem.kinds >= 0, problem.kinds == RIGID
-    edges = {pair: edge_modulus(problem, pair) > 0 for pair in axis_pairs(d)}
+    edges = {pair: edge_modulus(problem, pair) for pair in axis_pairs(d)}
+    shear = np.where(solid, cell_modulus(problem, problem.moduli.shear), 1.0)  # rigid: no less
     for axis in range(d):
         low, high = cut(d, axis, slice(None, -1)), cut(d, axis, slice(1, None))
         both = (solid[low] & (solid | rigid)[high]) | (solid[high] & rigid[low])
+        least = share * np.minimum(shear[low], shear[high])
         for across in range(d):
             if across == axis:
                 continue
             stiff = edges[min(axis, across), max(axis, across)][cut(d, axis, slice(1, -1))]
-            carries = np.logical_or(*ends(stiff, across))
+            carries = np.maximum(*ends(stiff, across)) > least
             pinned = np.logical_or(*ends(states[across] != ACTIVE, across)) | rigid
             loose = both & ~carries & ~(pinned[low] & pinned[high])
             if loose.any():

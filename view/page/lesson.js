@@ -320,13 +320,13 @@ function questionCards(lesson, q) {
   return list;
 }
 
-/** In the end, to each question: what was written, and below it what there was to see. An open one shows nothing, a guess waits for all. */
+/** In the end, to each question: what was written, and below it what there was to see. An open one shows nothing, a guess waits for those that decide it. */
 function endCards(lesson) {
-  const { page, page: { t }, questions } = lesson, open = (list) => list.find((q) => !lesson.answered(q));
+  const { page, page: { t }, questions } = lesson, open = (list) => list.find((q) => !lesson.answered(q)), decided = questions.findLastIndex((q) => q.recalls) + 1 || questions.length;
   const own = (q) => [q.guess, q].filter((one) => one && lesson.own(one)).map((one) => make("p", {}, `${one === q ? t("yourAnswer") : page.say(q.guess.write)}: `, make("em", { textContent: lesson.own(one) })));
   const card = (q, waits) => own(q).concat(q.kind === "cells" && !waits ? answerOf(page, q, true)[0] : [], waits ? button(t("openQuestion", { n: questions.indexOf(waits) + 1 }), () => lesson.visit(questions.indexOf(waits))) : rendered(page.say(q.answer ?? "").split("\n\n")[0]));   // what follows is for the teacher
   return [make("h2", { className: "question", textContent: t("thereWas") }), make("p", { textContent: t("compareHow") }),
-    ...questions.map((q, n) => make("section", { className: "card" }, make("h3", {}, `${n + 1}. `, ...inline(page.say(q.question))), ...card(q, open(q.step === "predict" ? questions : [q]))))];
+    ...questions.map((q, n) => make("section", { className: "card" }, make("h3", {}, `${n + 1}. `, ...inline(page.say(q.question))), ...card(q, open(q.step === "predict" ? questions.slice(0, decided) : [q]))))];
 }
 
 /** A field for words; `i`: behind so many numbers. */
@@ -387,7 +387,7 @@ function stepCards(page) {
   const free = page.limit === Infinity, code = panels.code ? [fold(t("code"), panels.code(), true)] : [], story = alone ? [] : [storyCard(page)], charts = free || !touchable ? [parts.charts] : [];
   if (lesson.step === "predict") return lesson.secret ? [] : [...about, ...cards];
   if (!touchable && lesson.wide.matches) { page.stageBox.append(...charts.splice(0)); page.stageBox.classList.toggle("low", page.sides[0] > 1.6 * page.sides[1]); }   // curves to be read stand beside the picture, so that the fields are in reach
-  parts.presets = page.presets.map((preset) => button(page.nameOf(preset), () => { page.load(preset); page.seek(Math.min(lesson.question?.show?.generation ?? 0, lesson.limit)); }));
+  parts.presets = page.presets.map((preset) => button(page.nameOf(preset), () => { const { generation = 0, mode } = lesson.question?.show ?? {}; page.load(preset); page.seek(Math.min(generation, lesson.limit)); if (mode) page.setMode(mode, true); }));
   const { fields, show: { rule: typed, sentence, curve, own, preset: its } = {} } = lesson.question ?? {}, [marked, other] = new Set(fields?.map(({ of }) => of)), few = (open) => fold(t("rule"), rulePanel(page, true), open), read = typed || curve || !touchable ? charts.splice(0) : [];   // below a question stands what is asked for
   const tries = touchable && page.presets.length > 1 ? [...(marked === undefined || other !== undefined ? [] : [make("small", { className: "soft", textContent: t("markedFor", { p: page.nameOf(page.presets[marked]) }) })]), make("div", { className: "presets" }, ...page.presets.flatMap((preset, n) => own && n !== its ? [] : make("div", {}, parts.presets[n], ...(page.say(preset.note) ? [rendered(page.say(preset.note))] : []))))] : [];
   const near = [...(sentence ? [parts.verdict] : []), ...(typed || sentence ? [few(true)] : []), ...(typed ? read.splice(0) : [])], first = [...near, ...tries, ...code, ...cards, ...read, ...story, ...about];

@@ -114,7 +114,7 @@ function under(page, { offsetX, offsetY }) {
 
 MODES.push({
   name: "cuts", letter: "c",
-  offered: (page) => page.solvable && page.deformable && page.run.taken && page.limit > 0,
+  offered: (page) => page.comparable && page.run.taken,
   open(page) {
     page.cutCards = ["section", "section", "details"].map((tag) => make(tag, { className: "card" }));   // one sum of forces at a time: that of the cut
     page.cutCards[1].classList.add("warn");

@@ -67,6 +67,7 @@ export class Page {
   /** How far the page may show: in a lesson no further than the question has got. */
   get limit() { return this.lesson?.limit ?? Infinity; }
   /** Whether a question asks for the rule alone: what elasticity answers is asked for later. */
+  get comparable() { return this.solvable && this.deformable && this.limit > 0 && this.lesson?.step !== "predict"; }   // who guesses sees the rule alone
   get ruleAlone() { return Boolean(this.lesson?.question?.show?.alone && !this.lesson.teacher); }
   get elasticity() { return this.ruleAlone ? null : this.elastic.answer; }
   get touchable() { return this.kind === "runnable"; }

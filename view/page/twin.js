@@ -155,7 +155,7 @@ const hover = (page, event, view) => { page.twin.at = cellUnder(page, event, vie
 
 MODES.push({
   name: "twin", letter: "r",
-  offered: (page) => page.solvable && page.deformable && page.limit > 0 && (!page.ruleAlone || page.lesson.question.show.mode === "twin"),
+  offered: (page) => page.comparable && (!page.ruleAlone || page.lesson.question.show.mode === "twin"),
   open(page) {
     const main = page.canvas.parentElement, box = () => make("div", {}, make("canvas", { role: "img" }));
     const twin = page.twin = { at: -1, elastic: box(), gap: box(), line: make("span", { className: "soft" }), profile: make("div"), numbers: make("section", { className: "card", role: "status" }),

@@ -182,6 +182,7 @@ class OwnAgents:
             for name in [name for name in vars(agent) if callable(getattr(type(agent), name, 0))]:
                 raise self.wrong(agent, name, "has set a method of this name; take another name")
             self.check_books(agent)
+            self.check_names(agent)
 
     def check_books(self, agent: PlacedAgent | FaceAgent) -> None:
         """Refuse an agent whose books are not what results are made of."""
@@ -193,13 +194,17 @@ class OwnAgents:
         for name, kind in books.items() if isinstance(agent, MaterialAgent) else ():
             if not isinstance(getattr(agent, name), kind):
                 raise self.wrong(agent, name, f"has become {brief(getattr(agent, name))}")
+
+    def check_names(self, agent: PlacedAgent | FaceAgent) -> None:
+        """Refuse an attribute that an agent has set, and that is spelt much like another."""
         known = self.names.get(type(agent)) or vars(agent)
         for name in sorted(n for n in {*vars(agent)} - {*known, *dir(type(agent))} if n[0] != "_"):
-            near = _near(name, known, 0.85)
-            unset = near and near[0] in {*declared([type(agent)], State)} - {*vars(agent)}
-            if near and (unset or not name.startswith(near[0])):
-                told = f"has this attribute; did you mean {near[0]!r}? If not, begin it in __init__"
-                raise self.wrong(agent, name, told)
+            for near in _near(name, known, 0.85):
+                unset = near in {*declared([type(agent)], Declaration)} - {*vars(agent)}
+                more = name.removeprefix(near)  # limits and limit2 are no slips of limit
+                if more == name or (unset and more.isalpha() and more != "s"):
+                    told = f"has this attribute; did you mean {near!r}? If not, begin it in"
+                    raise self.wrong(agent, name, f"{told} __init__ or on the class")
 
     def emissions(self, agent: MaterialAgent, sent: Any) -> list[Any]:
         """Return the emissions that an agent answers; refuse anything else."""

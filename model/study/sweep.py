@@ -114,8 +114,9 @@ def sweep(
     Returns
     -------
     DataFrame
-        One row per point: ``run`` (its number), the varied values, what was measured, and
-        ``error``, which is empty unless the run failed. ``attrs["sweep"]`` says what was asked.
+        One row per point: ``run`` (its number), the varied values, ``outcome`` (how the run of a
+        model ended, in words), what was measured, and ``error``, which is empty unless the run
+        failed. ``attrs["sweep"]`` says what was asked.
 
     Raises
     ------
@@ -400,7 +401,8 @@ class SweepRun:
             result = _called(self.run, (subject,), options, seed)
             if hasattr(result, "step") and hasattr(result, "run"):
                 result = result.run()  # a model's class, or a part of its call, makes a model
-        return _measured(result, self.measure)
+        measured, ended = _measured(result, self.measure), getattr(result, "outcome", None)
+        return {"outcome": ended} | measured if isinstance(ended, str) else measured
 
 
 def _called(

@@ -143,6 +143,9 @@ class AgentEngine:
         self.pending += left
         if len(self.acts) > 20_000:
             self._settle()
+        if self.own_classes:  # a slip is told when it happens; one agent for each set of names
+            for agent in {tuple(vars(one)): one for one in self.waiting}.values():
+                self.guard.check_names(agent)
         if self.states:
             self._note_states()
 

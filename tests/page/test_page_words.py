@@ -47,6 +47,12 @@ def test_a_force_times_a_length_is_typed_as_work(node):
     assert told == [pytest.approx(14), pytest.approx(1.4), pytest.approx(2000), 3, None, None]
 
 
+def test_a_quantity_is_rounded_once(node):
+    ask = 'import { quantity } from "./words.js"; tell(data.map((d) => quantity(...d)))'
+    told = node(ask, [[116.44604, "N", 116.44604], [11.6446, "N", 116.4], [1.16449, "N", 116.4]])
+    assert told == ["116.4 N", "11.64 N", "1.16 N"]
+
+
 def test_a_logarithmic_axis_has_several_ticks(node):
     ask = 'import { ticksOf } from "./charts.js"; tell(data.map((d) => ticksOf(...d, 5, true)))'
     told = node(ask, [[0.8, 19.0], [1e-5, 1.0], [0.011, 0.019]])

@@ -29,7 +29,7 @@ def test_a_row_is_the_run_that_it_stands_for():
         ["load_taken", "generations", "last.ledger.dropped"],
     )
     assert list(table) == [
-        "run", "rule.threshold", "loads[0].force[1]",
+        "run", "rule.threshold", "loads[0].force[1]", "outcome",
         "load_taken", "generations", "last.ledger.dropped", "error",
     ]  # fmt: skip
     two = table[table["loads[0].force[1]"] == -2.0]
@@ -41,6 +41,18 @@ def test_a_row_is_the_run_that_it_stands_for():
         result = LoadModel(SCENE.with_overrides(changed)).run()
         assert row["load_taken"] == result.summary()["load_taken"]
         assert row["last.ledger.dropped"] == result.last.ledger.dropped
+
+
+@pytest.mark.parametrize("measure", [
+    None, "load_taken", lambda result: {"taken": result.last.ledger.taken},
+])  # fmt: skip
+def test_a_row_tells_that_a_run_has_not_ended_at_rest(measure):
+    lost = type("Lost", (MaterialAgent,), {"take": lambda self, load: None})
+    table = alone(
+        SCENE, {"rule.threshold": [0.1]}, measure, run=partial(LoadModel, material_agent=lost)
+    )
+    assert "does not balance" in table["outcome"][0]
+    assert table["error"].tolist() == [""]
 
 
 class OnlyAhead(MaterialAgent):

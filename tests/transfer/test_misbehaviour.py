@@ -179,6 +179,25 @@ def test_a_method_that_something_calls_or_that_takes_no_load_is_let_alone(more):
     assert "at rest" in run(material(**{"answer": lambda self, load: None} | more)).outcome
 
 
+@pytest.mark.parametrize(("name", "slip"), [
+    ("wearing", "werning"), ("wear", "wears"), ("limit", "limits"), ("limit", "limt"),
+])  # fmt: skip
+def test_a_slip_beside_a_state_or_parameter_is_told_when_it_happens(name, slip):
+    def take(self, load):
+        MaterialAgent.take(self, load)
+        if self.model.generation == 2:
+            setattr(self, slip, 3)
+
+    declared = kaju.Parameter(3, 1, 9) if name == "limit" else State(0)
+    model = LoadModel(scene(), **material(**{name: declared, "take": take}))
+    if slip == f"{name}s":
+        assert "at rest" in model.run().outcome
+    else:
+        with pytest.raises(kaju.errors.AgentError, match=f"in generation 2 .*{name!r}.* the class"):
+            model.run()
+        assert model.result().outcome == "interrupted after 2 generations"
+
+
 @pytest.mark.parametrize(("kind", "told"), [
     ("wall remembers", "only; let Wall have a plain attribute, wet = 0, seen"),
     ("face Parameter", "^[^;]*no Parameter;"),

@@ -38,12 +38,12 @@ const PREFIXES = [[1e9, "G"], [1e6, "M"], [1e3, "k"], [1, ""], [1e-3, "m"], [1e-
 /** A factor and its prefix that make a number short; a bare number and % have none. */
 export const prefixOf = (size, unit) => (unit && unit !== "%" ? PREFIXES.find(([f]) => size >= 0.99995 * f) ?? PREFIXES.at(-1) : [1, ""]);
 
-/** Four digits and a unit that fits, or that of the `largest` beside it unless they are far apart, and then nothing finer than the fifth digit of that: 12.88 N, 3.2 nm, 206 GPa. */
+/** Four digits and a unit that fits, or that of the `largest` beside it unless they are far apart, and then of small ones nothing finer than the fifth digit of that: 12.88 N, 3.2 nm, 206 GPa. */
 export function quantity(v, unit, largest = 0) {
   if (!Number.isFinite(v)) return "–";
   const sign = v < 0 ? "−" : "", size = Math.abs(v);
   if (!unit || unit === "%") return `${sign}${size >= 1e5 || (size && size < 1e-3) ? power(size) : general(size, 4)}${unit ? " %" : ""}`;
-  const common = largest ? prefixOf(largest, unit) : [1, ""], [factor, prefix] = !size || (largest && size >= 1e-4 * common[0] && size < 1e4 * common[0]) ? common : prefixOf(size, unit), step = largest && factor === common[0] ? 10 ** (Math.floor(Math.log10(largest / factor)) - 4) : 0, shown = step ? step * Math.round(size / factor / step) : size / factor;
+  const common = largest ? prefixOf(largest, unit) : [1, ""], [factor, prefix] = !size || (largest && size >= 1e-4 * common[0] && size < 1e4 * common[0]) ? common : prefixOf(size, unit), step = largest && factor === common[0] ? 10 ** (Math.floor(Math.log10(largest / factor)) - 4) : 0, shown = step && size < 1e3 * step * factor ? step * Math.round(size / factor / step) : size / factor;
   return `${shown ? sign : ""}${shown >= 1e4 || (shown && shown < 1e-4) ? power(shown) : general(shown, 4)} ${prefix}${unit}`;
 }
 const power = (x) => local(x.toExponential(2)).replace(/e\+?(-?)(\d+)/, (_, s, n) => ` × 10${s ? "⁻" : ""}${[...n].map((c) => "⁰¹²³⁴⁵⁶⁷⁸⁹"[c]).join("")}`);

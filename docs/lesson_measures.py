@@ -196,8 +196,13 @@ def _many_sizes(run: Callable[..., Any]) -> Words:
     def near(distance: float) -> NDArray[Any]:
         return np.linalg.norm(run().middle - [0.105, 0.2], axis=1) < distance
 
+    def with_most_of_the_gap(generation: int, page: str = "") -> int:
+        gaps = np.sort(run(page).generations[generation].gap)[::-1].cumsum()
+        return int(np.searchsorted(gaps, 0.9 * gaps[-1])) + 1
+
     return {
         "size_near": size_near,
+        "with_most_of_the_gap": with_most_of_the_gap,
         "near_share": lambda distance: float(near(distance).mean()),
         "near_area": lambda distance: float((run().size[near(distance)] ** 2).sum() / 0.2**2),
         "halved": lambda x, y: log(0.02 / size_near(x, y, "hole")) / log(2.0),  # from 20 mm

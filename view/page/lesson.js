@@ -349,7 +349,7 @@ function numberCard(lesson, q, field, i) {
   };
   lesson.judges.push(judge);
   input.oninput = () => { lesson.answer(q, input.value, i); verdict.replaceChildren(); };   // judged when it is left
-  input.onchange = () => lesson.judges.forEach((each) => each());   // one answer may tell of another
+  input.onchange = input.onblur = () => lesson.judges.forEach((each) => each());   // one answer may tell of another
   judge();
   return make("label", { className: "card" }, make("span", { className: "small soft" }, ...inline(label)), make("span", { className: "typed" }, input, unit), verdict);
 }

@@ -140,6 +140,13 @@ export class MotionPage extends Page {
     return Object.assign(known, { low: log ? high * (name === "gap" ? 1e-2 : 1e-4) : low, high: high || 1, log });
   }
 
+  /** In how many agents nine tenths of the gap are, the largest first, and of how many. */
+  mostOfGap() {
+    const gaps = Array.from({ length: this.count }, (_, i) => i).filter((i) => this.there(i)).map((i) => this.value(i, "gap")).sort((a, b) => b - a);
+    let left = 0.9 * gaps.reduce((a, b) => a + b, 0), n = 0;
+    while (left > 0) left -= gaps[n++];
+    return { n, m: gaps.length };
+  }
   drawBody() {
     const { inks: own, look, t } = this, inks = look.colour === "density" ? { ...own, steps: [own.paper, ...own.steps.slice(1)], packed: Uint32Array.from(own.packed, (ink, n) => (n ? ink : packed(rgb(own.paper)))) } : own;   // where all has gone nothing is seen
     const view = this.view = new View(this.canvas, this.run.lattice, look.camera, { foot: this.whole.some(({ force }) => force[1] > 0) ? 96 : 64 }), { ctx, r } = view;
@@ -163,9 +170,9 @@ export class MotionPage extends Page {
       ctx.strokeStyle = inks.paper; ctx.lineWidth = 5; ctx.beginPath(); ctx.arc(x, y, 9, 0, 7); ctx.stroke();
       ctx.strokeStyle = inks.ink; ctx.lineWidth = 2; ctx.stroke();
     }
-    if (scale && !(this.lesson?.step === "step" && this.g === 0 && look.colour !== "density")) paintLegend(view, scale, this.word(look.colour), this.kindOf(scale), (v) => quantity(v, this.unitOf(look.colour), scale.log ? 0 : scale.high), inks);
+    if (scale && this.lesson?.limit !== 0 && !(this.lesson?.step === "step" && this.g === 0 && look.colour !== "density")) paintLegend(view, scale, this.word(look.colour), this.kindOf(scale), (v) => quantity(v, this.unitOf(look.colour), scale.log ? 0 : scale.high), inks);
     const level = this.visits[this.g], block = Array(this.dimension).fill(2 ** level).join("×");
-    this.parts.cap.textContent = this.told || [level > 0 && t("parents", { n: block }), this.times && Math.abs(this.times - 1) > 1e-9 && t("magnified", { n: quantity(this.times, "") }), this.lesson && t("measures", { s: this.sides.map((side) => quantity(Number(side.toPrecision(3)), "m")).join(" × ") }), this.lesson && this.corners === 2 && t(this.pulled.size ? "pulledMark" : "heldMark"), this.breaking.length > 0 && t("breaksNow"), this.reading, this.lesson && this.breaking.length > 0 && this.g === this.run.generation && this.parts.verdict.textContent].filter(Boolean).join(" · ");
+    this.parts.cap.textContent = this.told || [level > 0 && t("parents", { n: block }), this.born && look.colour === "gap" && t("mostOfGap", this.mostOfGap()), this.times && Math.abs(this.times - 1) > 1e-9 && t("magnified", { n: quantity(this.times, "") }), this.lesson && t("measures", { s: this.sides.map((side) => quantity(Number(side.toPrecision(3)), "m")).join(" × ") }), this.lesson && this.corners === 2 && t(this.pulled.size ? "pulledMark" : "heldMark"), this.breaking.length > 0 && t("breaksNow"), this.reading, this.lesson && this.breaking.length > 0 && this.g === this.run.generation && this.parts.verdict.textContent].filter(Boolean).join(" · ");
   }
   placesOf(part) { return Array.from({ length: this.corners }, (_, i) => this.where(this.parts[part * this.corners + i])); }
   middle(part) {

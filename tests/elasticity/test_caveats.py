@@ -149,6 +149,9 @@ def test_a_coarse_answer_says_how_to_get_a_better_one():
         assert 0.6 * off < answer.error_estimate < 1.2 * off
         assert any("deflections may be off by about" in note for note in answer.notes)
     assert not any("tolerance=" in note for note in solve(narrow, tolerance=0.05).notes)
+    # Two parts that meet at a corner, one on a soft bed: they were told to be off by 2e8.
+    sides, push = {"top": "rigid", "bottom": {"stiffness": 1e5}}, {"cell": [3, 0], "force": [0, -1]}
+    assert solve(loaded("##..\n##..\n..##\n..##", push, sides=sides)).error_estimate < 1.0
     thin = layers.with_overrides({"body.regions.0.box": [[0.0, 0.25], [4.0, 1.0]]})
     told = "one cell wide at (0, 0) beside what is far softer, and yields too much"
     assert [told in solve(thin, resolution=k).notes[0] for k in (1, 2)] == [True, False]

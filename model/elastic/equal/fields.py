@@ -42,7 +42,8 @@ def corner_energies(nodes: Floats, body: Flags, moduli: Moduli) -> Floats:
     """Return each cell's energy (scaled) of the corners' displacement, multilinear in the body.
 
     By the points of Gauss; the change of volume is that of the cell's middle, or it would lock. NaN
-    for cells ten times as stiff as one beside them, with which they share corners.
+    for cells ten times as stiff as one beside them, with which they share corners, and at corners
+    that are all that joins cells.
     """
     d = body.ndim
     steps = np.array([*product((0, 1), repeat=d)])
@@ -51,6 +52,7 @@ def corner_energies(nodes: Floats, body: Flags, moduli: Moduli) -> Floats:
     softest = np.full(nodes.shape[:-1], np.inf)
     for part in parts:
         softest[part] = np.minimum(softest[part], spread(moduli.shear, body, np.inf))
+    softest[_hinges(body)] = 0.0
     beside = np.min([softest[part][body] for part in parts], axis=0)
     size = corners.shape[1]
     sheared, swelling = np.zeros((size, size)), np.zeros(size)
@@ -65,6 +67,21 @@ def corner_energies(nodes: Floats, body: Flags, moduli: Moduli) -> Floats:
     energy = moduli.shear * np.einsum("nk,nk->n", corners @ sheared, corners)
     energy += 0.5 * moduli.lateral * (corners @ swelling) ** 2
     return np.where(moduli.shear <= 10.0 * beside, energy, np.nan)
+
+
+def _hinges(body: Flags) -> Flags:
+    """Tell at which corners cells of a body meet that no faces join there."""
+    # Cells round a corner, less what joins two, more what joins four, less all: the parts they are.
+    parts: Any = 0
+    for spans in product((0, 1), repeat=body.ndim):
+        joined = np.pad(body, 1)
+        for axis in np.flatnonzero(spans).tolist():
+            joined = np.logical_and(*ends(joined, axis))
+        number = joined.astype(np.int64)
+        for axis in np.flatnonzero(np.equal(spans, 0)).tolist():
+            number = np.add(*ends(number, axis))
+        parts = parts + (-1) ** sum(spans) * number
+    return np.asarray(parts > 1)
 
 
 def _edge_values(

@@ -213,7 +213,9 @@ def _collect(collector: Any, model: SteppedModel) -> None:
 ROW = "[*super().emissions(load), row] adds a row"
 HANDED = "write self.model.hand_over(self, arm, load)"
 SLEEPS = "agent_at of a cell that sleeps is None"
+BOX = "self.inbox has (direction, magnitude, sense): copies; self.waiting() lists the loads"
 HINTS = {"'NoneType' object has": SLEEPS, "te tuple": ROW, "'append'": ROW, "'hand_over'": HANDED}
+HINTS |= {"'tuple' object has": BOX}
 """What to do about errors that agents of one's own often make, by a part of what they say."""
 
 

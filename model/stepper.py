@@ -63,7 +63,7 @@ def counted(number: int, thing: str, written: Callable[[int], str] = str) -> str
 def not_balanced(after: str, off: float) -> str:
     """Return how agents ended that lost or made loads: a share of all loads."""
     return (
-        f"ended after {after} with a ledger that does not balance: {100.0 * off:.2g} % of all "
+        f"ended after {after} with a ledger that does not balance: {100.0 * off:.3g} % of all "
         "loads are not accounted for; let a take or pass_on of your own call super(), or book all "
         "that it does"
     )

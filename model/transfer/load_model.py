@@ -325,7 +325,14 @@ def keywords_into(
         require(not (drawn or column), f"{told} another name")
     rule = {field.name for field in fields(scene.rule)}
     own = set(signature(model.__init__).parameters) | {"kind"}  # type: ignore[misc]
-    for name in parameters.keys() & {*rule, *own, *FIGURES, "time", *every_name(model)}:  # Mesa 3.4
+    for name in parameters.keys() & {
+        *rule,
+        *own,
+        *FIGURES,
+        "time",
+        "steps",
+        *every_name(model),
+    }:  # Mesa 3.4
         whose = "the rule" if name in rule else f"every {model.__name__}"
         told = "has this name already; give the parameter another name"
         raise ParameterError(f"{name}: {whose} {told}")

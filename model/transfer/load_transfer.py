@@ -78,6 +78,7 @@ class LoadTransfer(Stepper[TransferResult]):
         if self._over:
             self.finished.append(self._stage())
             self._begin_stage(self.stage + 1)
+        self._taken_before = self.engine.taken
         if self.engine.pending != 0.0:
             self.engine.begin()
 
@@ -110,7 +111,9 @@ class LoadTransfer(Stepper[TransferResult]):
             told += " another size;"
             return f"{told} accumulate = true adds up loads that meet"
         if generation - self._generations_before >= self.max_generations:
-            return f"stopped after max_generations = {self.max_generations} with loads on their way"
+            told = f"stopped after max_generations = {self.max_generations} with loads on their way"
+            stuck = engine.taken - self._taken_before <= 1e-9 * pending
+            return told + "; in the last generation no agent took what waits for it" * stuck
         return ""
 
     @property

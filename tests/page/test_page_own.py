@@ -47,6 +47,23 @@ class Ice(kaju.RollerBoundaryAgent):
         return None
 
 
+class Twice(MaterialAgent):
+    """The first of this name."""
+
+    def pass_on(self, load):
+        super().pass_on(load)
+
+
+First = Twice
+
+
+class Twice(MaterialAgent):
+    """The second."""
+
+    def pass_on(self, load):
+        pass
+
+
 def first_only(waiting):
     return waiting[:1]
 
@@ -83,6 +100,14 @@ def test_what_is_overridden_is_recorded_and_named(name):
     told = header_of(packed_page(model.run()))
     assert told["kind"] == "recorded"
     assert told.get("own", {"names": ["first_only"]})["names"] == [name]
+
+
+def test_of_two_classes_of_one_name_the_source_is_that_of_the_one_that_ran():
+    bare = type("Twice", (MaterialAgent,), {"__module__": __name__})  # either may be meant
+    for own, told in ((First, "first of this"), (Twice, "The second"), (bare, "# the source of")):
+        source = header_of(packed_page(LoadModel(plate(), material_agent=own)))["own"]["source"]
+        assert told in source
+        assert source.count("class ") == (own is not bare)
 
 
 def test_a_run_that_was_cut_short_is_recorded():

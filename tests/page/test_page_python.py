@@ -121,7 +121,7 @@ def test_ready_agents_do_in_the_page_what_they_do_in_kaju(opened, pages, name):
 @pytest.mark.slow
 def test_examples_pasted_unchanged_run_or_name_what_is_missing(opened, pages):
     page = opened(pages["sides"])
-    lacks = {"lattice_in_the_plane": "`numpy` is not in the page", "lattice_in_space": "no `Cubes`"}
+    lacks = {"lattice_in_the_plane": "no `numpy`; it has kaju", "lattice_in_space": "no `Cubes`"}
     for file in EXAMPLES:
         code = file.read_text()
         if file.stem in lacks:
@@ -187,6 +187,8 @@ MISTAKES = [  # what comes before, what is written, the line, and words of the s
     (SEND, "return rows * 500", 7, "gab mehr als 1000 Emissionen"),
     (SEND, "return [rows[0]._replace(arm=7)]", 7, "falsch ist: arm; möglich sind die Arme (0, 1,"),
     ("", "from kaju import MaterialAgnt", 1, "kein `MaterialAgnt`; meinst du `MaterialAgent`?"),
+    ("", "from dataclasses import dataclass", 1, "Zeile 1: `dataclasses` hat kein `dataclass`"),
+    ("class Np: pass\n", "np.sqrt(2)", 2, "Zeile 2: `np` ist nicht bekannt"),
     ("", "x = 1", 1, "there is no class of agents"),
     (CLASS, "def respond(self, load): pass", 3, "niemand ruft `respond` auf; meinst du `take`?"),
     (CLASS, "def step(self):\n\n        self.take(None)", 3, "ruft nie `super().step()` auf"),
@@ -205,6 +207,7 @@ def test_mistakes_are_named_with_their_line_and_the_page_lives_on(opened, pages)
         found = runs(page, before + line + "\n")
         assert (found.get("line"), words in found.get("error", "")) == (number, True), (line, found)
         assert found["error"].startswith(f"Zeile {number}: ")
+        assert words[:5] != "Zeile" or found["error"] == words  # no odd suggestion
         assert page.js("page.own === null") == page.text(".verdict").startswith("Jede Last")
     growing = SEND + "return [row._replace(share=3.0) for row in rows]\n"
     assert runs(page, growing)["grew"] == 7
@@ -372,7 +375,7 @@ def test_a_page_that_runs_another_model_than_was_recorded_says_so(opened, tmp_pa
     told = page.js("page.studio.score()")
     result = opened(kaju.export_page(model.result(), tmp_path / "result.html", python=True))
     assert "is that of Fickle, not of the class below" in result.text("aside")
-    assert f"3 generations and {model.result().last.ledger.taken:.4g} N taken: the page" in told
+    assert f"3 generations and {model.result().last.ledger.taken:.4g} N taken. The page" in told
     code = page.js("page.studio.code") + "\n"  # another code than that of the record
     runs(page, code + "def mine(waiting): print(waiting[0].random.sample(range(99), 3))\n")
     assert page.js("page.studio.printed").startswith(f"{Random(7).sample(range(99), 3)}\n")
@@ -410,6 +413,34 @@ def test_a_parameter_that_is_true_or_false_is_a_tick(opened, tmp_path):
     assert page.tab.get_by_text("A challenge:").count() == 0  # of an agent of one's own
     page.tab.get_by_label("passes on").click()
     page.until("page.studio.result?.agents === 1")
+
+
+class Damped(kaju.RigidBoundaryAgent):
+    def give_back(self, load, arm):
+        return self.turn(load, arm)._replace(magnitude=0.5 * load.magnitude)
+
+
+class Unbooked(MaterialAgent):
+    def take(self, load):
+        pass
+
+
+@pytest.mark.parametrize(("own", "told"), [
+    ({"boundary_agents": {"rigid": Damped}}, "met rigid cells and sides. 0.3 N met rollers. Bo"),
+    ({"material_agent": Unbooked}, "The books do not balance: 76.6 % of all"),
+])  # fmt: skip
+def test_a_page_tells_of_its_own_run_what_the_recorded_one_told(opened, tmp_path, own, told):
+    model = LoadModel(SCENES["sides"], **own)
+    page = opened(kaju.export_page(model, tmp_path / "page.html", python=True, exact=True))
+    curves = "[page.run.absorbed ?? [], page.run.ended ?? []]"
+    recorded = page.js(curves)
+    runs(page, page.js("page.studio.code"))
+    assert page.js(curves) == [pytest.approx(curve, rel=1e-12) for curve in recorded]
+    score = page.js("page.studio.score()")
+    assert told in score
+    assert "Recorded in Python" not in score
+    assert page.js("page.studio.challenge()") == ["", ""]
+    assert ("Boundaries absorbed" in score) == bool(recorded[0])
 
 
 LOOKS = (

@@ -55,6 +55,11 @@ def test_a_row_tells_that_a_run_has_not_ended_at_rest(measure):
     assert table["error"].tolist() == [""]
 
 
+def test_a_class_that_is_varied_stands_in_the_table_by_its_name():
+    table = alone(SCENE, {"run.material_agent": [OnlyAhead]}, "generations", run=LoadModel)
+    assert table["run.material_agent"].tolist() == ["OnlyAhead"]
+
+
 class OnlyAhead(MaterialAgent):
     """Passes half of everything straight on."""
 

@@ -245,6 +245,11 @@ class Reads(MaterialAgent):
         return (int(word) for word in ["x"])
 
 
+class Sums(MaterialAgent):
+    def step(self):
+        self.much = sum(load.total for load in self.inbox)
+
+
 class Yields(MaterialAgent):
     def shortening(self, axis):
         return self.wear
@@ -266,6 +271,7 @@ class Face(FaceAgent):
     (after_take(lambda self, load: self.taken["-y"]), "direction_names.index", "take of Mine"),
     (after_take(lambda self, load: load + load), "take load.total", "take of Mine at cell (1, 2)"),
     (each(lambda *row: 0.5 * kaju.Emission(*row)), "row._replace", "pass_on of Mine at cell"),
+    ({"material_agent": Sums}, "'total'", "step of Sums at cell (1, 2) in generation 1; self.inb"),
     (ADDS, "tuple", f"{THERE}; [*super().emissions(load), row] adds a row"),
     (APPENDS, "append", f"{THERE}; [*super().emissions(load), row] adds a row"),
     (ASKS, "kept", f"{THERE}; agent_at of a cell that sleeps is None"),
@@ -285,11 +291,21 @@ def test_what_does_not_balance_or_end_is_not_called_at_rest(kind, tmp_path):
     result = run(UNBALANCED[kind], max_generations=60)
     lost = "does not balance" in result.outcome
     assert lost or "stopped" in result.outcome
+    assert not lost or "e+" not in result.outcome.partition("%")[0]
     again = kaju.load_result(result.save(tmp_path / "result.npz"))
     assert again.summary()["outcome"] == result.outcome
     assert again.own_agents in [("Mine",), ("Face",)]
     told = any("does not balance" in note for note in again.summary().get("notes", []))
     assert told or (not lost and again.checks()[0].holds)
+
+
+def test_a_run_in_which_nobody_takes_any_more_says_so():
+    def step(self):
+        if self.model.generation < 3:
+            MaterialAgent.step(self)
+
+    told = run(material(step=step), max_generations=60).outcome
+    assert told.endswith("way; in the last generation no agent took what waits for it")
 
 
 def test_what_does_not_balance_in_every_step_is_told_once():

@@ -86,5 +86,7 @@ def test_classes_that_cannot_be_agents_are_named():
     for name in ("random", "dropped", "engine", "cell_x", "stress"):
         with pytest.raises(ParameterError, match=f"^{name}: "):
             LoadModel(pressed(), material_agent=type("M", (MaterialAgent,), {name: State(0)}))
+    with pytest.raises(ParameterError, match=r"^steps: every LoadModel has this name already"):
+        LoadModel(pressed(), material_agent=type("M", (Open,), {"steps": Parameter(3, 1, 10)}))
     for agent in (Open, type("Looks", (Open,), {"seen": State(0)})):  # a name that nobody sets
         assert LoadModel(pressed(), material_agent=agent).run().last.generations > 0

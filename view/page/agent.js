@@ -41,7 +41,7 @@ function distance(a, b) {
 const NAMES = "MaterialAgent FreeBoundaryAgent RigidBoundaryAgent RollerBoundaryAgent Load Emission Shares Parameter State direction magnitude copies sense total arm share kept taken passed dropped squeezed index position cell neighborhood agents agent_at model material shares threshold generation emissions take pass_on shortening give_back turn spawn_step woken_by random super self load True False None return import range print super append hand_over uniform choice random own forward friction poisson".split(" ");
 /** The name that is meant: small letters stay small. */
 const KEYWORD = /^(and|as|class|def|elif|else|for|from|if|import|in|is|lambda|not|or|pass|return|try|while|with|yield)$/;
-const closest = (word, code) => [...NAMES, ...new Set(bare(code).match(/[A-Za-z_]\w*/g))].filter((n) => near(n, word) && !KEYWORD.test(n)).sort((a, b) => far(a, word) - far(b, word))[0], far = (a, b) => distance(a, b) + (a[0] !== b[0]) / 2;
+const closest = (word, code) => [...NAMES, ...new Set(bare(code).match(/[A-Za-z_]\w*/g))].filter((n) => n.length > 2 && near(n, word) && !KEYWORD.test(n)).sort((a, b) => far(a, word) - far(b, word))[0], far = (a, b) => distance(a, b) + (a[0] !== b[0]) / 2;
 
 /** What a guard of kaju says, in the reader's language; in English as it is. */
 function guarded(t, text) {
@@ -56,9 +56,9 @@ function guarded(t, text) {
 export function told(t, { error, args = [], line }, code) {
   const text = args[0] ?? "", lost = text.match(/^(\w+): .* has this attribute/)?.[1];   // said at the end of the run, when no line of the code acts
   const n = code.split("\n").findIndex((row) => lost && row.includes(`.${lost}`)) + 1 || line, at = (words) => ({ error: t("atLine", { n, e: words }), line: n });
-  const name = text.match(/(?:name|local variable|attribute|import name) '(\w+)'/)?.[1], near = name && closest(name, code), mean = near ? t("didYouMean", { n: near }) : "";
+  const name = text.match(/(?:name|local variable|attribute|import name) '(\w+)'/)?.[1], from = code.split("\n")[n - 1]?.match(/^\s*from (\w+)/)?.[1] ?? "kaju", near = name && from === "kaju" && closest(name, code), mean = near ? t("didYouMean", { n: near }) : "";
   if (error === "NameError" || error === "UnboundLocalError") return at(t("notKnown", { n: name }) + (NAMES.slice(0, 9).includes(name) ? t("importIt", { n: name }) : mean));
-  if (error === "ImportError" || (error === "AttributeError" && /has no attribute/.test(text))) return at(t("hasNo", { a: error === "ImportError" ? "kaju" : text.match(/'([\w.]+)' object/)?.[1] ?? text.match(/'([\w.]+)'/)?.[1] ?? "", n: name }) + mean);
+  if (error === "ImportError" || (error === "AttributeError" && /has no attribute/.test(text))) return at(t("hasNo", { a: error === "ImportError" ? from : text.match(/'([\w.]+)' object/)?.[1] ?? text.match(/'([\w.]+)'/)?.[1] ?? "", n: name }) + mean);
   const word = { IndentationError: "indentation", TabError: "indentation", SyntaxError: "notPython", RecursionError: "recursion", ZeroDivisionError: "zeroDivision", KeyError: "noKey", IndexError: "noIndex", TypeError: "wrongType", ValueError: "wrongValue" }[error];
   const assigned = text === "invalid syntax" && /\b(if|elif|while|and|or|not)\b[^#]*[^=!<>:]=(?!=)/.test(bare(code).split("\n")[n - 1]);
   if (word) return at(t(word, { e: text }) + (assigned ? t("didYouMean", { n: "==" }) : ""));
@@ -122,16 +122,16 @@ export class Workshop {
     if (error) { this.busy = false; this.end(told(this.page.t, { error, args, line }, this.code)); return; }
     if (declares) { Object.assign(this, declares); return; }
     this.busy = false;
-    const recorded = this.otherThan(end);
+    const recorded = this.otherThan(run);
     this.show(run); this.end({ ...end, ...(grew ? { grew } : {}), ...(recorded ? { recorded } : {}) });
   }
   /** Of whom a run was recorded whose source the page does not have. */
   get whose() { const { kind, own } = this.page; return kind === "recorded" && own && !own.source ? own.names.join(", ") : ""; }
   /** What was recorded in Python, if the same code has just done something else in the page. */
-  otherThan({ agents, generations, taken }) {
-    const { page: { kind, run }, code, first, values, begun, whose } = this, sum = run.taken?.value.reduce((a, b) => a + b, 0);
-    const same = kind !== "recorded" || whose || code !== first || values !== begun || (run.agents === agents && run.generation === generations && general(sum, 4) === general(taken, 4));
-    return same ? null : { a: run.agents, g: run.generation, t: general(sum, 4) };
+  otherThan(now) {
+    const { page: { kind, run }, code, first, values, begun, whose } = this, sum = ({ taken }) => general(taken.value.reduce((a, b) => a + b, 0), 4);
+    const same = kind !== "recorded" || whose || code !== first || values !== begun || (run.agents === now.agents && run.generation === now.generation && sum(run) === sum(now));
+    return same ? null : { a: run.agents, g: run.generation, t: sum(run) };
   }
   /** The first lines are shown; who prints a thousand has a loop that does not end in mind, or in the code. */
   print(text, at) {
@@ -206,13 +206,14 @@ export class Workshop {
     Object.assign(this.out, { className: problem ? "verdict bad" : "verdict open" }).replaceChildren(...words.split("`").map((part, n) => (n % 2 ? make("code", { textContent: part }) : part)));
   }
   score() {
-    const { page, page: { t, run } } = this, { agents, generations, taken, air, ground, rollers, lost, idle, grew, recorded } = this.result, n = (x) => general(x, 4);
+    const { page, page: { t, run } } = this, { agents, generations, taken, air, ground, rollers, absorbed, lost, idle, grew, recorded } = this.result, n = (x) => general(x, 4);
     if (grew) return t("atLine", { n: grew, e: t("grew") });
     const states = (run.states ?? []).filter(([, , whether]) => whether).map(([name, meaning]) => `, ${run[`state ${name}`].value.reduce((a, b) => a + b, 0)} ${page.say(meaning)}`);
-    return t("codeScore", { a: agents, g: generations, t: n(taken), s: states.join("") }) + (ground ? t("footGot", { r: n(ground), f: n(this.foot()) }) : "") + (air ? t("toAir", { x: n(air) }) : "") + (rollers ? t("toRollers", { x: n(rollers) }) : "") + (lost > 1e-9 ? t("lost", { x: general(100 * lost, 2) }) : "") + (idle.length ? t("idleWall", { n: idle.join("`, `") }) : "") + (this.spare?.length ? t("spare", { n: this.spare.join("`, `") }) : "") + (recorded ? ` ${t("otherRun", recorded)}` : "");
+    return t("codeScore", { a: agents, g: generations, t: n(taken), s: states.join("") }) + (ground ? t(this.asks ? "footGot" : "toRigid", { x: n(ground), f: n(this.foot()) }) : "") + (air ? t("toAir", { x: n(air) }) : "") + (rollers ? t("toRollers", { x: n(rollers) }) : "") + (absorbed ? t("absorbed", { x: n(absorbed) }) : "") + (lost > 1e-9 ? t("lost", { x: general(100 * lost, 3) }) : "") + (idle.length ? t("idleWall", { n: idle.join("`, `") }) : "") + (this.spare?.length ? t("spare", { n: this.spare.join("`, `") }) : "") + (recorded ? ` ${t("otherRun", recorded)}` : "");
   }
   /** The challenge: with five lines most of the load to the left foot, nearly all of it to the ground. The header has the score, [1] says why it does not count. */
   challenge() {
+    if (!this.asks) return ["", ""];
     const { page, page: { t }, result, ran: code } = this, n = (x) => general(x, 3), put = this.applied(), least = 0.95 * put, foot = this.foot(), over = this.active && !this.pending && !page.due && result?.agents;
     const lines = bare(code).split("\n").filter((line) => line.trim() && !/^\s*(from|import|class|def|@)/.test(line)).length;
     const why = !over ? "" : lines > LINES ? t("tooLong", { n: lines }) : !page.isAs(page.start) ? t("otherBody") : result.ground < least || result.ground > 1.002 * put ? t("groundGot", { r: n(result.ground), w: n(least), a: n(put) }) : "";

@@ -17,7 +17,7 @@ export class Written extends Recorded {
   }
   /** Begin with what the code declares: `python` holds the functions of engine.py. */
   begin(python, states) {
-    Object.assign(this, { python, states, known: {}, pending: Infinity });
+    Object.assign(this, { python, states, known: {}, pending: Infinity, absorbed: [], ended: [] });
     for (const [name, width] of Object.entries(notesOf(this))) {
       this[name] = new Log(); this.known[name] = new Float64Array(this.lattice.size * width);
     }
@@ -28,7 +28,7 @@ export class Written extends Recorded {
     if (change) this[name].push(place, change);
   }
   step() {
-    const { lattice: { D, axes, h }, C, states, along } = this, A = axes.length, [born, taken, back, done, known, pending] = this.python.generation(), sums = new Map();
+    const { lattice: { D, axes, h }, C, states, along } = this, A = axes.length, [born, taken, back, done, known, pending, absorbed, ended] = this.python.generation(), sums = new Map();
     this.generation++;
     for (const [k, state, load] of taken) sums.set(k * C + state, (sums.get(k * C + state) ?? 0) + load);
     for (const [place, load] of sums) this.taken.push(place, load);
@@ -43,7 +43,7 @@ export class Written extends Recorded {
     }
     for (const [n, k, value] of known) this.book(`state ${states[n][0]}`, k, Number(value));
     for (const name of ["taken", ...Object.keys(this.known)]) this[name].close();
-    this.alive.push(this.agents); this.waits.push([...sums.values()].reduce((a, b) => a + b, 0));
+    this.absorbed.push(absorbed); this.ended.push(ended); this.alive.push(this.agents); this.waits.push([...sums.values()].reduce((a, b) => a + b, 0));
     this.pending = pending;
   }
   get over() { return this.pending === 0 || this.grown; }
@@ -52,6 +52,6 @@ export class Written extends Recorded {
   get shown() {
     const { spawn, woken, alive, waits, agents, generation, states, pending, grown } = this, logs = Object.fromEntries(["taken", ...Object.keys(this.known)].map((name) => [name, { ...this[name] }]));
     const [kept, dropped, [air, ground, rollers], returned, absorbed, taken, lost, idle] = this.python.totals(), sum = ({ value, n }) => value.subarray(0, n).reduce((a, b) => a + b, 0);
-    return { run: { spawn, woken, alive, waits, agents, generation, states, grown, ...logs }, end: { agents, generations: generation, taken, kept, passed: sum(this.passed), dropped, air, ground, rollers, returned, absorbed, lost, idle, pending } };
+    return { run: { spawn, woken, alive, waits, agents, generation, states, grown, ended: dropped ? this.ended : null, absorbed: absorbed ? this.absorbed : null, ...logs }, end: { agents, generations: generation, taken, kept, passed: sum(this.passed), dropped, air, ground, rollers, returned, absorbed, lost, idle, pending } };
   }
 }

@@ -97,10 +97,27 @@ def _source(part: type | FunctionType) -> str:
     if part.__name__ in ("<lambda>", "partial"):  # its lines are those of a call, or Python's own
         return "# an order that is a lambda or a partial is not here: write def mine(waiting)"
     with suppress(OSError, TypeError, SyntaxError):
-        source = textwrap.dedent(inspect.getsource(part)).rstrip()
+        source = textwrap.dedent(_lines_of(part)).rstrip()
         ast.parse(source)  # within a function a text may stand further left than its class
         return source
     return f"# the source of {part.__name__} is not at hand"
+
+
+def _lines_of(part: type | FunctionType) -> str:
+    """Return the lines of a class or function; of classes of one name those of this one."""
+    if isinstance(part, FunctionType):
+        return inspect.getsource(part)
+    home = f"{part.__qualname__}."
+    own = [one for one in vars(part).values() if getattr(one, "__qualname__", "").startswith(home)]
+    codes = [one.__code__ for one in own if isinstance(one, FunctionType)]
+    lines, _ = inspect.findsource(codes[0] if codes else part)
+    every = [one for one in ast.walk(ast.parse("".join(lines))) if isinstance(one, ast.ClassDef)]
+    ends = [(one.lineno, one.end_lineno) for one in every if one.name == part.__name__]
+    for code in codes[:1]:
+        ends = [(a, b) for a, b in ends if b and a <= code.co_firstlineno <= b]
+    if len(ends) != 1:
+        raise OSError  # nobody knows which is meant
+    return "".join(lines[ends[0][0] - 1 : ends[0][1]])
 
 
 def _own(name: str, of: Any) -> str:

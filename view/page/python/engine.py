@@ -260,7 +260,8 @@ def generation():
         states += [[n, agents[number]._key, value] for _, number, value in changes]
         changes.clear()
     back, engine.back, engine.acts = engine.back, [], []
-    return [born, taken, back, done, states, engine.pending]
+    ended = engine.dropped + sum([agent.dropped for agent in agents])
+    return [born, taken, back, done, states, engine.pending, engine.absorbed, ended]
 
 def totals():
     """What all have done so far, and what came to each kind of boundary."""

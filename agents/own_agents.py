@@ -64,6 +64,12 @@ def check_class(name: str, agent: object, base: type) -> None:
     whose = f"{name}: {agent.__name__}"
     brought = check_methods(whose, agent, base, *BOUNDARIES.values())
     _check_names(name, agent, base, brought)
+    behind = [
+        one for one in agent.__mro__[agent.__mro__.index(base) :] if not issubclass(base, one)
+    ]
+    for one in (one for one in behind if not {*HOOKS[base]}.isdisjoint(vars(one))):
+        told = f"{whose} names {one.__name__} last, so nothing of it is called; write class"
+        raise ParameterError(f"{told} {agent.__name__}({one.__name__}, {usual.__name__})")
     own = {hook for hook in HOOKS[base] if isinstance(brought.get(hook), FunctionType)}
     for hook in own | {"__init__"}:
         function, start = getattr(agent, hook), tuple(signature(getattr(base, hook)).parameters)
@@ -182,7 +188,6 @@ class OwnAgents:
             for name in [name for name in vars(agent) if callable(getattr(type(agent), name, 0))]:
                 raise self.wrong(agent, name, "has set a method of this name; take another name")
             self.check_books(agent)
-            self.check_names(agent)
 
     def check_books(self, agent: PlacedAgent | FaceAgent) -> None:
         """Refuse an agent whose books are not what results are made of."""
@@ -197,7 +202,7 @@ class OwnAgents:
 
     def check_names(self, agent: PlacedAgent | FaceAgent) -> None:
         """Refuse an attribute that an agent has set, and that is spelt much like another."""
-        known = self.names.get(type(agent)) or vars(agent)
+        known = self.names[type(agent)]
         for name in sorted(n for n in {*vars(agent)} - {*known, *dir(type(agent))} if n[0] != "_"):
             for near in _near(name, known, 0.85):
                 unset = near in {*declared([type(agent)], Declaration)} - {*vars(agent)}

@@ -373,8 +373,9 @@ class SweepRun:
 
     def row(self, number: int, point: Mapping[str, Any]) -> Row:
         """Return the row of one point; one that fails has its error in it."""
-        # Lists and tables are text in a cell of a table.
-        cells = {k: v if _is_figure(v) else _text(v) for k, v in point.items()}
+        # In a cell of a table lists and tables are text; classes and functions have names.
+        text = partial(json.dumps, default=lambda one: getattr(one, "__name__", str(one)))
+        cells = {k: v if _is_figure(v) else text(v).strip('"') for k, v in point.items()}
         row = {"run": number, **cells}
         try:
             figures = self.figures(number, point)
@@ -482,10 +483,6 @@ def _found(result: Any, table: Mapping[str, Any], name: str) -> Any:
 
 def _is_figure(value: Any) -> bool:
     return value is None or isinstance(value, (bool, int, float, str))
-
-
-def _text(value: Any) -> str:
-    return value.__name__ if isinstance(value, type) else json.dumps(value, default=str)
 
 
 def _figure(name: str, value: Any) -> Any:

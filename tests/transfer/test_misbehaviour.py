@@ -74,6 +74,11 @@ def run(own, order="wave", **limits):
     return LoadModel(scene(), **own, **limits).run(progress=False)
 
 
+class Takes:
+    def take(self, load):
+        super().take(load)
+
+
 ELSEWHERE = ("passOn", "on_take", "emit", "go", "receive", "advance", "step_agent")
 ADDS = material(emissions=lambda self, load: self.go(load), go=lambda self, load: () + [load])
 APPENDS = material(emissions=lambda self, load: MaterialAgent.emissions(self, load).append(load))
@@ -93,6 +98,7 @@ REFUSED = {
     "state misspelt": material(broke=State(0), take=lambda self, load: setattr(self, "broken", 1)),
     "states mixed up": material(worn=State(0), take=lambda self, load: setattr(self, "wron", 1)),
     "state set": after_take(lambda self, load: setattr(self, "worn", State(0.0))),
+    "mixin last": {"material_agent": type("Mine", (MaterialAgent, Takes), {})},
     "state bare": material(worn=State),
     "state lost": over(State(0.0), 0.5),
     "parameter lost": over(kaju.Parameter(0.1, 0, 1), 0.5),
@@ -203,6 +209,7 @@ def test_a_slip_beside_a_state_or_parameter_is_told_when_it_happens(name, slip):
     ("face Parameter", "^[^;]*no Parameter;"),
     ("state lost", r"^worn: Mine makes it 0.5, .* a State; write worn = kaju.State\(0.5\), or"),
     ("parameter lost", r"a Parameter; write worn = kaju.Parameter\(0.5, low, high\), or"),
+    ("mixin last", r"Mine names Takes last, .* write class Mine\(Takes, MaterialAgent\)"),
     ("state set", "^worn: .*; declare it on a class"),
     ("state bare", "^worn: Mine makes it a class; call it"),
 ])  # fmt: skip

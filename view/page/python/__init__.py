@@ -111,13 +111,16 @@ def _lines_of(part: type | FunctionType) -> str:
     own = [one for one in vars(part).values() if getattr(one, "__qualname__", "").startswith(home)]
     codes = [one.__code__ for one in own if isinstance(one, FunctionType)]
     lines, _ = inspect.findsource(codes[0] if codes else part)
-    every = [one for one in ast.walk(ast.parse("".join(lines))) if isinstance(one, ast.ClassDef)]
-    ends = [(one.lineno, one.end_lineno) for one in every if one.name == part.__name__]
-    for code in codes[:1]:
-        ends = [(a, b) for a, b in ends if b and a <= code.co_firstlineno <= b]
-    if len(ends) != 1:
-        raise OSError  # nobody knows which is meant
-    return "".join(lines[ends[0][0] - 1 : ends[0][1]])
+    nodes = [one for one in ast.walk(ast.parse("".join(lines))) if isinstance(one, ast.ClassDef)]
+    spans = [
+        {at.lineno for at in ast.walk(one) if hasattr(at, "lineno")} | {one.end_lineno or 0}
+        for one in nodes
+        if one.name == part.__name__
+    ]  # decorators stand before their class
+    meant = [s for s in spans if not codes or min(s) <= codes[0].co_firstlineno <= max(s)]
+    if len(meant) != 1:
+        raise OSError  # nobody knows
+    return "".join(lines[min(meant[0]) - 1 : max(meant[0])])
 
 
 def _own(name: str, of: Any) -> str:

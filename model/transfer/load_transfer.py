@@ -112,7 +112,7 @@ class LoadTransfer(Stepper[TransferResult]):
             return f"{told} accumulate = true adds up loads that meet"
         if generation - self._generations_before >= self.max_generations:
             told = f"stopped after max_generations = {self.max_generations} with loads on their way"
-            stuck = engine.taken - self._taken_before <= 1e-9 * pending
+            stuck = bool(engine.taken - self._taken_before <= 1e-9 * pending)
             return told + "; in the last generation no agent took what waits for it" * stuck
         return ""
 

@@ -240,7 +240,7 @@ def test_other_pages_print_the_drawing_of_the_first_and_tell_an_agents_side(open
     page = opened(fine)
     page.js(f"({kept} = {drawn!r}, dispatchEvent(new Event('beforeprint')))")
     assert page.js("page.root.querySelector('.sheet img').src") == drawn
-    page.js("(page.seek(9), page.look.colour = 'von_mises')")
+    page.js("(page.lesson.teacher = true, page.seek(9), page.look.colour = 'von_mises')")
     most = "(best, v, i, all) => (v > (all[best] || 0) ? i : best)"
     worst = f"page.fields.von_mises.at(-1).reduce({most}, 0)"
     assert page.js(f"(page.picked = {worst}, page.reading)").endswith("· side 39.06 µm")

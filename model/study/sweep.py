@@ -24,6 +24,7 @@ from pathlib import Path
 from threading import Thread
 from time import sleep
 from typing import TYPE_CHECKING, Any
+from warnings import warn
 
 import numpy as np
 
@@ -118,6 +119,11 @@ def sweep(
         model ended, in words), what was measured, and ``error``, which is empty unless the run
         failed. ``attrs["sweep"]`` says what was asked.
 
+    Warns
+    -----
+    UserWarning
+        If runs were stopped, or ended with a ledger that does not balance.
+
     Raises
     ------
     ParameterError, SceneError
@@ -164,6 +170,11 @@ def sweep(
             told = f"{table['error'].iloc[0]}{own if kinds == {'SceneError'} else ''}"
             told = told.removeprefix("ParameterError: ")
             raise ParameterError(f"every run failed, the first with {told}")
+        ends = table.get("outcome", table["error"][:0]).astype(str)
+        odd = ends[ends.str.contains("stopped|does not balance")]
+        if len(odd):
+            told = f"sweep: {len(odd)} of {len(table)} runs did not end at rest (column 'outcome')"
+            warn(f"{told}, the first {odd.iloc[0]}", stacklevel=3)
     if folder is not None and len(missing):
         with atomic_file(folder / "table.csv", ResultFileError) as scratch:
             table.to_csv(scratch, index=False)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from copy import copy
 from functools import partial
-from math import exp, inf, log
+from math import exp, inf, log, sqrt
 from typing import Any
 
 import numpy as np
@@ -22,7 +22,7 @@ from .elements import DEEPEST_STEP
 from .goals import Judged, agents_of, judged
 from .history import Generation, generation_of, settled
 from .leaves import LeafCells
-from .space import refuse_rubber
+from .space import FIRST, refuse_rubber
 
 GAIN = 0.92
 """Of its share an agent that halves is expected to lose; measured on smooth stress: 15/16. With 0.9
@@ -199,7 +199,9 @@ class PairLoop:
 
     def _expected(self, error: float) -> float:
         """Return a tenth of the agents that the tolerance takes if errors fall on so."""
-        self._errors.append((len(self.leaves), error))
+        # In space the first error is raised by what no gain tells yet.
+        raised = 1.0 if self.generations or self.leaves.dimension == 2 else sqrt(FIRST)
+        self._errors.append((len(self.leaves), error / raised))
         if len(self._errors) < WINDOW or not isinstance(self.body, PosedBody):
             return 0.0
         # At first errors of small goals hardly fall: the latest half of the window may tell better.

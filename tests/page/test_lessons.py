@@ -229,6 +229,11 @@ def test_a_number_tells_its_run_and_a_tap_on_the_divider_reads_the_cell(opened, 
     page.js("(page.look.twin.split = 5.5, page.draw())")
     page.click((5, 9))
     page.until("(page.draw(), page.parts.cap.textContent.startsWith('(5, 9): rule 6.05 nm'))")
+    shown = "page.stageBox.querySelectorAll('canvas').length"
+    assert [page.js(f"(page.lesson.go({n}), {shown})") for n in (2, 3)] == [3, 1]  # a guess first
+    page.tab.locator("textarea").first.fill("less")
+    page.press("Fitted, pressed elsewhere")
+    assert page.js(shown) == 3
 
 
 @pytest.mark.slow

@@ -302,7 +302,7 @@ function questionCards(lesson, q) {
   const list = [head, ...(lesson.intro && q.step === "predict" ? [rendered(say(lesson.intro))] : []), make("h2", { className: "question" }, ...inline(say(q.question)))];
   if (q.note) list.push(rendered(say(q.note)));
   const [guess] = lesson.questions, said = lesson.own(guess);
-  if (q.fields && !(q.pages ?? [lesson.here]).includes(lesson.here)) list.push(make("p", { className: "recalled" }, ...inline(t("markedFor", { p: `[${say(lesson.title)}](${q.pages[0]})` }))));
+  if (q.fields && q.pages?.length === 1 && q.pages[0] !== lesson.here) list.push(make("p", { className: "recalled" }, ...inline(t("markedFor", { p: `[${say(lesson.title)}](${q.pages[0]})` }))));
   if (q.recalls && said) list.push(make("p", { className: "recalled", textContent: t("youGuessed", { x: `${said} ${unitFor(said, say(guess.fields?.[0].unit))}` }) }));
   if (q.kind === "cells") list.push(make("div", { className: "card sketch" }, ruleSketch(t, page.start.scene, true)), ...guessCards(lesson, q));
   if (lesson.opens && lesson.keeps && !lesson.teacher && !lesson.guessed(guess)) list.unshift(make("p", { className: "recalled" }, ...inline(t("beginHere", { to: `${lesson.key}.html` }))));   // who came by a link

@@ -140,12 +140,13 @@ export class MotionPage extends Page {
     return Object.assign(known, { low: log ? high * (name === "gap" ? 1e-2 : 1e-4) : low, high: high || 1, log });
   }
 
-  /** In how many agents nine tenths of the gap are, the largest first, and of how many. */
-  mostOfGap() {
+  /** Where the gap is the colour: in how many agents nine tenths of it are, the largest first, and of how many. */
+  get mostOfGap() {
+    if (!this.born || this.look.colour !== "gap") return "";
     const gaps = Array.from({ length: this.count }, (_, i) => i).filter((i) => this.there(i)).map((i) => this.value(i, "gap")).sort((a, b) => b - a);
     let left = 0.9 * gaps.reduce((a, b) => a + b, 0), n = 0;
     while (left > 0) left -= gaps[n++];
-    return { n, m: gaps.length };
+    return this.t("mostOfGap", { n, m: gaps.length });
   }
   drawBody() {
     const { inks: own, look, t } = this, inks = look.colour === "density" ? { ...own, steps: [own.paper, ...own.steps.slice(1)], packed: Uint32Array.from(own.packed, (ink, n) => (n ? ink : packed(rgb(own.paper)))) } : own;   // where all has gone nothing is seen
@@ -172,7 +173,7 @@ export class MotionPage extends Page {
     }
     if (scale && this.lesson?.limit !== 0 && !(this.lesson?.step === "step" && this.g === 0 && look.colour !== "density")) paintLegend(view, scale, this.word(look.colour), this.kindOf(scale), (v) => quantity(v, this.unitOf(look.colour), scale.log ? 0 : scale.high), inks);
     const level = this.visits[this.g], block = Array(this.dimension).fill(2 ** level).join("×");
-    this.parts.cap.textContent = this.told || [level > 0 && t("parents", { n: block }), this.born && look.colour === "gap" && t("mostOfGap", this.mostOfGap()), this.times && Math.abs(this.times - 1) > 1e-9 && t("magnified", { n: quantity(this.times, "") }), this.lesson && t("measures", { s: this.sides.map((side) => quantity(Number(side.toPrecision(3)), "m")).join(" × ") }), this.lesson && this.corners === 2 && t(this.pulled.size ? "pulledMark" : "heldMark"), this.breaking.length > 0 && t("breaksNow"), this.reading, this.lesson && this.breaking.length > 0 && this.g === this.run.generation && this.parts.verdict.textContent].filter(Boolean).join(" · ");
+    this.parts.cap.textContent = this.told || [level > 0 && t("parents", { n: block }), this.mostOfGap, this.times && Math.abs(this.times - 1) > 1e-9 && t("magnified", { n: quantity(this.times, "") }), this.lesson && t("measures", { s: this.sides.map((side) => quantity(Number(side.toPrecision(3)), "m")).join(" × ") }), this.lesson && this.corners === 2 && t(this.pulled.size ? "pulledMark" : "heldMark"), this.breaking.length > 0 && t("breaksNow"), this.reading, this.lesson && this.breaking.length > 0 && this.g === this.run.generation && this.parts.verdict.textContent].filter(Boolean).join(" · ");
   }
   placesOf(part) { return Array.from({ length: this.corners }, (_, i) => this.where(this.parts[part * this.corners + i])); }
   middle(part) {
@@ -274,7 +275,7 @@ export class MotionPage extends Page {
     if (!box.isConnected) return;
     const { lesson } = this, seen = this.seen = Math.max(this.seen ?? 0, g), limit = !lesson || lesson.teacher ? Infinity : at[seen];   // what a lesson lets read is played first
     const list = lesson?.curves ? lesson.curves.flatMap((name) => curveList.find(({ title }) => title.startsWith(name)) ?? []) : curveList.slice(0, 6), shown = (lines, all = Object.entries(lines)) => all.filter(([, list]) => all.length < 4 || largest(list) > 0.01 * Math.max(...Object.values(lines).map(largest)));   // of many, those that are not nothing
-    if (g && lesson && this.canvas.clientWidth < 520) this.parts.cap.textContent = list.filter(({ place }) => !place).map(({ title, unit, at: over, lines }) => `${named(title)}: ${Object.values(lines).map((line) => quantity(line[over.findIndex((v) => v >= at[g])], unit, largest(line))).join(", ")}`).concat(this.reading || [], this.breaking.length && g === this.run.generation ? this.parts.verdict.textContent : []).join(" · ");   // on a phone the charts, and what was clicked, are a long way down
+    if (g && lesson && this.canvas.clientWidth < 520) this.parts.cap.textContent = list.filter(({ place }) => !place).map(({ title, unit, at: over, lines }) => `${named(title)}: ${Object.values(lines).map((line) => quantity(line[over.findIndex((v) => v >= at[g])], unit, largest(line))).join(", ")}`).concat(this.mostOfGap || [], this.reading || [], this.breaking.length && g === this.run.generation ? this.parts.verdict.textContent : []).join(" · ");   // on a phone the charts, and what was clicked, are a long way down
     const end = at[Math.min(this.limit, at.length - 1)];   // axes go no further than the question
     paintGrid(box, list.map(({ title, unit, at: over, axis, lines, logarithmic, course, bars, place }, _, $, open = place || course ? over.length : over.filter((v) => v <= end).length) =>
       ({ word: named(title), unit, over: over.slice(0, open), lists: shown(lines).map(([, list]) => list.slice(0, open)), names: shown(lines).map(([name]) => named(name)), now: place ? null : at[g], colours: lines.push ? [7, 1].map((n) => inks.differences[n]) : null, log: logarithmic, course, bars, axis, along: course ? "" : place || this.way, end: place || course ? 0 : end, limit: place && limit < at.at(-1) ? -Infinity : limit })), inks);
@@ -314,8 +315,8 @@ function rodOf({ t, at, curveList, fields: { tension }, picked }, g) {
   const [dent, force] = ["Displacement", "History"].map((name) => Object.values(curveList.find(({ title }) => title === name).lines)[0]), most = Math.max(...dent), forces = tension[dent.indexOf(most)], words = t("rodParts").split("|");
   const px = 42 / most * (picked < 0 ? 1 : -forces[picked] / largest(forces));   // by which it is shortened
   const pushed = (n) => force.slice(1, n + 1).reduce((sum, f, i) => sum + 0.5 * (f + force[i]) * (at[i + 1] - at[i]), 0), stays = dent.at(-1) * pushed(g) / pushed(at.length);
-  const a = 150 - px * (dent[g] - stays), b = a + 130 - px * stays, wave = Array.from({ length: 10 }, (_, i) => `L${32 + (a - 44) * (i + 0.5) / 10} ${i % 2 ? 20 : 36}`).join(""), damper = (x, to, y) => `M${x} ${y}h12m70 -9h-70v18h70M${to - 73} ${y - 7}v14m0 -7H${to}`;
-  return [draw("svg", { class: "chart rod", viewBox: "0 0 320 98", role: "img", "aria-label": words.join(", ") }, draw("path", { d: `M20 28V66M${a} 28V66M20 28h12${wave}L${a - 12} 28H${a}${damper(20, a, 66)}${damper(a, b, 47)}` }), ...[14, b + 6].map((cx) => draw("circle", { cx, cy: 47, r: 6 })), ...words.map((word, n) => draw("text", { x: [90, 90, a + 65][n], y: [12, 92, 74][n], "text-anchor": "middle" }, word))), make("p", { textContent: t("rodGives", { a: quantity(dent[g] - stays, "m", most), b: quantity(stays, "m", most) }) })];
+  const told = (v) => quantity(Math.abs(v) < 1e-4 * most ? 0 : v, "m", most), a = 150 - px * (dent[g] - stays), b = a + 130 - px * stays, wave = Array.from({ length: 10 }, (_, i) => `L${32 + (a - 44) * (i + 0.5) / 10} ${i % 2 ? 20 : 36}`).join(""), damper = (x, to, y) => `M${x} ${y}h12m70 -9h-70v18h70M${to - 73} ${y - 7}v14m0 -7H${to}`;
+  return [draw("svg", { class: "chart rod", viewBox: "0 0 320 98", role: "img", "aria-label": words.join(", ") }, draw("path", { d: `M20 28V66M${a} 28V66M20 28h12${wave}L${a - 12} 28H${a}${damper(20, a, 66)}${damper(a, b, 47)}` }), ...[14, b + 6].map((cx) => draw("circle", { cx, cy: 47, r: 6 })), ...words.map((word, n) => draw("text", { x: [90, 90, a + 65][n], y: [12, 92, 74][n], "text-anchor": "middle" }, word))), make("p", { textContent: t("rodGives", { a: told(dent[g] - stays), b: told(stays) }) })];
 }
 
 // ------------------------------------------------------------------------------------- a file

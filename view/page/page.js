@@ -139,10 +139,11 @@ export class Page {
   set(key, value) { this.look[key] = value; this.past.note(); this.later(); }
   /** Look in another way at the body: a name of MODES, or "body". */
   setMode(name, quiet = false) {
-    this.mode?.close?.(this);
+    this.opened?.close?.(this);                  // also one that is offered no more
     this.look.mode = name;
     if (!this.mode) this.look.mode = "body";
-    this.mode?.open?.(this);
+    this.opened = this.mode;
+    this.opened?.open?.(this);
     if (!quiet) this.past.note();
     this.rebuild(this.lesson ? undefined : 0);
   }

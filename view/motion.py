@@ -296,12 +296,15 @@ def _within_outlines(result: ElasticResult, shown: Motion) -> Motion:
     places, moved = (np.concatenate(part) for part in zip(*rings, strict=True))
     still = np.zeros((len(shown.moved) - 1, *moved.shape))
     drawn = []
-    for name in found.along:  # the hoop stress over the way along the outline
-        (x, y), hoop = result.outline_stress(name)[0].T, result.outline_stress(name)[1]
-        way = np.append(0.0, np.cumsum(np.hypot(np.diff(x), np.diff(y))))[: len(hoop)]
+    for name, along in found.along.items():  # stress over the way along the outline
+        (x, y), stress = result.outline_stress(name)[0].T, result.outline_stress(name)[1]
+        way = np.append(0.0, np.cumsum(np.hypot(np.diff(x), np.diff(y))))[: len(stress)]
+        if held := name in found.ground.rigid.values():  # a glued edge bears more than hoop stress
+            stress = found.scales.stress * along.von_mises
         turn = "\u21ba" if np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)) > 0 else "\u21bb"
-        start, lines = f"0 = ({x[0]:.3g}, {y[0]:.3g}) m {turn}", {"hoop stress": hoop}
-        drawn.append(Curves(f"Hoop stress: {name}", start, "m", way, lines, "Pa"))
+        start = f"0 = ({x[0]:.3g}, {y[0]:.3g}) m {turn}"
+        what = "Equivalent stress" if held else "Hoop stress"
+        drawn.append(Curves(f"{what}: {name}", start, "m", way, {what.lower(): stress}, "Pa"))
     return replace(
         shown,
         points=np.concatenate([shown.points, places]),

@@ -139,7 +139,7 @@ def _of_error(result: ElasticResult) -> Iterator[str]:
             name, value = "resolution", f"{2 * result.subdivision}"
         told = f"take {name}={value} (kaju solve FILE --{name} {value})"
         # The work of loads is off by the square; of bars two cells high by less than twice that.
-        moved = f"deflections may be off by about {2.0 * error**2:.0%}"
+        moved = f"deflections may be off by about {2.0 * error**2:.0%}, as may what supports share"
         yield f"error about {error:.0%}: for a smaller one, in the energy norm, {told}; {moved}"
 
 

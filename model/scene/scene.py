@@ -286,24 +286,19 @@ class Scene(Description):
         """Which regions of cells have a straight side between lines of cells, in words."""
         h, size, plane = self.lattice.cell_size, np.array(self.lattice.extent), self.plane
         for number, region in enumerate(self.body.regions if self.lattice.boxes else ()):
-            shape = self.region_shapes[number]
-            straight = bool(plane) or isinstance(shape, Box | ClosedSurface)
-            if not straight or region.outline == "true" or region.image is not None:
+            if region.outline == "true" or region.image is not None:
                 continue
-            lines = [np.array(shape.extent)[None]]  # in space from one corner to the other
-            if plane:
-                lines = [arcs[..., :2] / arcs[..., 2:] for arcs in shape.outline()]
-            ends = np.concatenate(lines)
-            along = np.ptp(ends, axis=1) <= (1e-9 * h if plane else np.inf)
-            at, axes = ends[:, [0, -1]].swapaxes(1, 2)[along], np.nonzero(along)[1]
-            off = (np.abs(at / h - np.rint(at / h)) > 0.02) & (at > 0.0) & (at < size[axes, None])
-            if off.any():
-                end, axis = float(at[off][0]), "xyz"[axes[off.any(axis=1)][0]]
+            found = {
+                f"{'xyz'[axis]} = {at:.4g} m": f"{h * np.floor(at / h + 0.5):.4g} m"
+                for axis, at in _straight_sides(self.region_shapes[number], plane, h)
+                if abs(at / h - np.rint(at / h)) > 0.02 and 0.0 < at < size[axis]
+            }
+            if found:
                 cure = ', or outline = "true"' * (region.material not in ("rigid", "roller"))
+                told = f"{', '.join(found)}, between cells of {h:.4g} m"
                 yield (
-                    f"body.regions.{number} ends at {axis} = {end:.4g} m, between cells of "
-                    f"{h:.4g} m: the body that is solved ends at {h * np.floor(end / h + 0.5):.4g} "
-                    f"m there; take cells that fit{cure}"
+                    f"body.regions.{number} ends at {told}: the body that is solved ends at "
+                    f"{', '.join(found.values())} there; take cells that fit{cure}"
                 )
 
     @property
@@ -546,6 +541,19 @@ def body_cells(scene: Scene, points: Floats) -> tuple[Ints, Flags]:
         cells[place] = moved[inside]
         outside[place] = False
     return cells, ~outside
+
+
+def _straight_sides(shape: Shape, plane: str | None, h: float) -> Iterator[tuple[int, float]]:
+    """Yield the axis and place (m) of each straight side of a shape that lies across an axis."""
+    if plane:
+        ends = np.concatenate([arcs[..., :2] / arcs[..., 2:] for arcs in shape.outline()])
+        for line, axis in np.argwhere(np.ptp(ends, axis=1) <= 1e-9 * h).tolist():
+            yield axis, float(ends[line, 0, axis])
+    elif isinstance(shape, ClosedSurface):
+        yield from shape.flat_sides()
+    elif isinstance(shape, Box):
+        for end in shape.extent:
+            yield from enumerate(np.asarray(end).tolist())
 
 
 def _lies_in(shape: Shape, size: Floats) -> bool:

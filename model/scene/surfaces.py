@@ -115,6 +115,16 @@ class ClosedSurface(Shape):
         points = self.corners.reshape(-1, 3)
         return points.min(axis=0), points.max(axis=0)
 
+    def flat_sides(self) -> Iterator[tuple[int, float]]:
+        """Yield the axis and place (m) of planes that are 5 % or more of what is seen along it."""
+        wide = np.ptp(self.extent, axis=0)
+        area = 0.5 * np.abs(np.cross(*(self.corners[:, 1:] - self.corners[:, :1]).swapaxes(0, 1)))
+        for axis, size in enumerate(wide):
+            flat = np.ptp(self.corners[:, :, axis], axis=1) <= 1e-6 * wide.max()
+            at, plane = np.unique(self.corners[flat, 0, axis].round(9), return_inverse=True)
+            seen = np.bincount(plane, weights=area[flat, axis], minlength=len(at))
+            yield from ((axis, float(x)) for x in at[seen > 0.05 * wide.prod() / size])
+
     def contains(self, points: Points) -> Flags:
         """Tell which points lie inside: more triangles above them face up than down."""
         places, line = np.unique(points[:, 0] + 1j * points[:, 1], return_inverse=True)

@@ -161,12 +161,17 @@ class SolidBody(NamedTuple):
         found = np.where(sorts == WHOLE, 1.0, 0.0)
         for axis in range(3):
             found = np.repeat(found, 2, axis)
-        half = PARTS // 2
+        half, reach = PARTS // 2, sqrt(3.0) * self.edge / PARTS
         for cut in _parts(np.argwhere(sorts == CUT)):
             line = np.arange(PARTS + 1) / PARTS
             within = np.stack(np.meshgrid(line, line, line, indexing="ij"), axis=-1)
             points = ((cut[:, None, None, None] + within) * self.edge).reshape(-1, 3)
-            filled = filled_shares(self.level(points).reshape(len(cut), *within.shape[:3]))
+            level = self.level(points)
+            # Where the body ends with the array the sides go on, so its end is not rounded there.
+            ends = np.clip(points, reach, np.multiply(self.shape, self.edge) - reach)
+            cap = (level < 1e-6 * self.edge) & (ends != points).any(axis=1)
+            level[cap] = self.level(ends[cap])
+            filled = filled_shares(level.reshape(len(cut), *within.shape[:3]))
             eighths = filled.reshape(len(cut), 2, half, 2, half, 2, half).mean(axis=(2, 4, 6))
             for end in product((0, 1), repeat=3):
                 found[tuple((2 * cut + end).T)] = eighths[(slice(None), *end)]

@@ -137,6 +137,9 @@ def test_a_round_bar_is_loaded_at_its_end() -> None:
     assert moved == pytest.approx([8.0 / area, 0.0, 8.0**3 / 3.0 / bent + shear], rel=0.03, abs=9.0)
     assert answer.couples["left"] == pytest.approx([0.0, 8.0, 0.0], abs=1e-6)
     assert all(check.holds for check in answer.checks())
+    bar["cylinder"]["ends"] = [[0.0, 0.5, 0.5], [8.0, 0.5, 0.5]]  # the same, for the array ends it
+    same = ended(force=[1.0, 0.0, 1.0])
+    assert same.strain_energy == pytest.approx(answer.strain_energy, rel=1e-6)
     for wrong in ({"pressure": 1.0}, {"force": [1.0, 0.0, 0.0]}):
         with pytest.raises(kaju.KajuError, match="an outline meets the side it acts on"):
             ended(**wrong)

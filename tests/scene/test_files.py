@@ -125,6 +125,9 @@ def test_shells_of_an_stl_are_one_body(tmp_path, boxes, volume, guessed):
     assert any("cavity" in note for note in scene.notes) == guessed
     again = kaju.Scene.from_archive(*scene.to_archive())
     assert np.array_equal(again.rasterise(), scene.rasterise())
+    rough = str(plate({"surface": surface}, cells=(5, 5, 5), size=0.5).notes)
+    assert all(f"x = {low[0]:g} m" in rough for low, _, _ in boxes)  # between cells of 0.5 m
+    assert "between cells" not in str(scene.notes)
 
 
 @pytest.mark.parametrize(("edge", "told"), [(4.0, "scale = 0.001"), (0.03, "is cut off")])

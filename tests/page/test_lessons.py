@@ -231,6 +231,8 @@ def test_a_number_tells_its_run_and_a_tap_on_the_divider_reads_the_cell(opened, 
     page.until("(page.draw(), page.parts.cap.textContent.startsWith('(5, 9): rule 6.05 nm'))")
     shown = "page.stageBox.querySelectorAll('canvas').length"
     assert [page.js(f"(page.lesson.go({n}), {shown})") for n in (2, 3)] == [3, 1]  # a guess first
+    page.press("Fitted, pressed elsewhere")
+    assert page.text(".saved") == "Please fill in first: Your guess"
     page.tab.locator("textarea").first.fill("less")
     page.press("Fitted, pressed elsewhere")
     assert page.js(shown) == 3

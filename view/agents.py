@@ -160,15 +160,16 @@ def _finish_states(
 ) -> Axes:
     """Draw the agents by what they know (`kaju.State`), after a generation or in the end."""
     stage, known = result.last, result.states[state]
-    every, last = known.values(), stage.generations if generation is None else generation
-    yes_or_no, counts = every.dtype == np.bool_, np.issubdtype(every.dtype, np.integer)
+    last = stage.generations if generation is None else generation
+    every = np.append(known.value, known.default)  # in all generations: one scale
+    yes_or_no, counts = (type(known.default) is kind for kind in (bool, int))
     low, high = (0.0, 1.0) if yes_or_no else (float(every.min()), float(every.max()))
     norm = Normalize(low, high) if low < high else Normalize(low - 0.5, low + 0.5)
     if yes_or_no:
         norm = BoundaryNorm([-0.5, 0.5, 1.5], colormaps[SEQUENTIAL].N)
     if counts:
         norm = style.count_norm(int(low), int(high))
-    born = stage.spawn_step <= last + 1
+    born = stage.spawn_step <= last
     agents = stage.cells[born], known.values(last)[born]
     look: dict[str, Any] = {"cmap": SEQUENTIAL, "norm": norm}
     draw_cells(picture.ax, picture.section, *agents, "max", "states", **look)

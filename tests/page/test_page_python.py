@@ -394,6 +394,13 @@ def test_a_models_order_numbers_and_seed_are_those_of_its_page_and_of_what_is_sa
     assert (found["taken"], found["generations"]) == pytest.approx(
         (last.ledger.taken, last.generations), rel=1e-12
     )
+    runs(
+        page,
+        "from kaju import *\n\nclass A(MaterialAgent): pass\norder = lambda waiting: waiting[:1]",
+    )
+    alone = runs(page, "from kaju import *\n\nclass A(MaterialAgent): pass")  # no order is left
+    usual = kaju.LoadModel(SCENES["sides"], engine="agents").run().last.generations
+    assert alone["generations"] == usual
     with pytest.raises(kaju.KajuError, match="python: should be a valid boolean"):
         kaju.export_page(model, tmp_path / "page.html", python=Fickle)
 

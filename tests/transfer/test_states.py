@@ -67,6 +67,16 @@ def test_states_are_columns_pictures_films_and_are_stored(result, tmp_path):
         assert name in again.films
         assert name in kaju.plot(again, name, generation=1).axes[0].get_title(loc="left")
     assert kaju.animate(again, tmp_path / "broken.gif", "broken").stat().st_size > 0
+    fading = {"left": kaju.State(2.0), "take": lambda self, load: setattr(self, "left", 0.1)}
+    model = LoadModel(plate(), material_agent=type("Fading", (Tired,), fading), threshold=0.005)
+    faded = model.run()
+    drawn = (
+        kaju.plot(faded, "left", generation=2)
+        .axes[0]
+        .findobj(lambda one: one.get_gid() == "states")
+    )
+    assert drawn[0].get_array().size == (faded.last.spawn_step <= 2).sum()  # who sleeps is not
+    assert drawn[0].get_clim() == (0.1, 2.0)  # of all generations
 
 
 @pytest.mark.parametrize(("default", "value", "kind"), [

@@ -216,7 +216,7 @@ class PageEngine(AgentEngine):
 
 def begin(names, told):
     """Take the last class of agents, boundaries and the order in a code; say what they declare."""
-    global engine, order
+    global engine, _order  # which `from kaju import *` lets alone
     classes, order, spare = {}, None, []
     for value in names.values():
         if isinstance(value, type):
@@ -226,7 +226,7 @@ def begin(names, told):
                     spare.append(value)
         elif isinstance(value, type(begin)) and (value.__code__.co_varnames or [""])[0] == "waiting":
             order = value
-    order = names["order"] if callable(names.get("order")) else order
+    _order = order = names["order"] if callable(names.get("order")) else order
     if not classes and order is None:
         raise KajuError("class: there is no class of agents; write class Mine(MaterialAgent)")
     numbers = declared(classes.values(), Parameter)
@@ -245,7 +245,7 @@ def generation():
     new, engine.told = list(engine.agents.values())[engine.told :], len(engine.agents)
     born = [[agent._key, engine._arms_to_wakers(agent)] for agent in new]
     states = [[n, a._key, getattr(a, name)] for a in new for n, name in enumerate(engine.states)]
-    engine.act(order)
+    engine.act(_order)
     engine.end()
     every, axes = range(engine.lattice.directions), range(len(engine.lattice.along))
     taken, done = [], []

@@ -88,7 +88,8 @@ class Selection:
     """Lower and upper corner of what the load covers of each, from 0 to 1, shape (n, 2, dimension);
     unless given all."""
     offset: Floats | None = None
-    """How far (in cells) from the middle of each a force at a point acts, shape (n, dimension)."""
+    """How far (in cells) a force at a point acts from the middle of those that share it, shape
+    (n, dimension)."""
 
     def beyond(self, lattice: Lattice) -> Cells:
         """Return the cells that lie beyond the faces."""
@@ -111,8 +112,11 @@ class Selection:
             change = np.asarray(load.pressure_slope) * lattice.cell_size
             area = lattice.face_area(thickness)
             growth = -area * lattice.normals[direction][:, :, None] * change
-        if self.offset is not None:  # the linear traction of that moment
-            growth = 12.0 * force[:, :, None] * self.offset[:, None]
+        if self.offset is not None:  # the linear pressure of the moment about the face's middle
+            row, axis = np.arange(n), np.maximum(direction, 0) // 2
+            lever = self.offset - 0.5 * lattice.normals[direction]
+            across = lever[row, 1 - axis] * force[row, axis]
+            growth[row, axis, 1 - axis] = 12.0 * (across - lever[row, axis] * force[row, 1 - axis])
         growth[np.arange(n), :, np.maximum(direction, 0) // 2] = 0.0  # none along the normal
         partly = (part != whole).any(axis=(1, 2))
         row = np.flatnonzero((growth.any(axis=(1, 2)) | partly) & (direction >= 0))
@@ -377,10 +381,8 @@ def _entered(body: ResolvedBody, load: LoadTable, where: str) -> Selection:
     offset = None
     # In solids a force at a point acts in the middle of its cell's face.
     if load.point is not None and load.force is not None and lattice.boxes and len(load.point) == 2:
-        # A point on a line between cells is in the middle of those that share its force.
         place = np.asarray(load.point) / lattice.cell_size
-        between = np.abs(place - np.rint(place)) <= 2.0 * _NEAR
-        offset = np.where(between, 0.0, place - cells - 0.5)
+        offset = np.tile(place - (cells + 0.5).mean(axis=0), (len(cells), 1))
     return Selection(cells, direction, offset=offset)
 
 

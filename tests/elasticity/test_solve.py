@@ -172,3 +172,16 @@ def test_no_convergence_gives_the_best_field(monkeypatch):
         solve(scene)
     assert isinstance(caught.value.best, ElasticResult)
     assert caught.value.residuals
+
+
+@pytest.mark.parametrize("tolerance", [None, 0.1])
+@pytest.mark.parametrize(("point", "force"), [
+    ([1.0, 0.1], [1000.0, 0.0]), ([1.0, 0.05], [0.0, -1000.0]), ([1.0, 0.0], [-300.0, 500.0]),
+    ([0.51, 0.06], [300.0, -1000.0]), ([0.5, 0.05], [300.0, -1000.0]), ([0.37, 0.1], [9.0, -1.0]),
+])  # fmt: skip
+def test_a_force_at_a_point_keeps_its_moment(point, force, tolerance):
+    body = {"size": [1.0, 0.1], "cells": [20, 2], "thickness": 0.02, "material": "steel"}
+    load = {"point": point, "force": force}
+    answer = solve(Scene(body=body, sides={"left": "rigid"}, loads=[load]), tolerance)
+    turned = (point[1] - 0.05) * force[0] - point[0] * force[1]
+    assert answer.couples["left"] == pytest.approx(turned, rel=1e-6)

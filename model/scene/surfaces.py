@@ -118,12 +118,13 @@ class ClosedSurface(Shape):
     def flat_sides(self) -> Iterator[tuple[int, float]]:
         """Yield the axis and place (m) of planes that are 5 % or more of what is seen along it."""
         wide = np.ptp(self.extent, axis=0)
+        tiny = 1e-6 * wide.max()  # STL files hold 7 digits
         area = 0.5 * np.abs(np.cross(*(self.corners[:, 1:] - self.corners[:, :1]).swapaxes(0, 1)))
         for axis, size in enumerate(wide):
-            flat = np.ptp(self.corners[:, :, axis], axis=1) <= 1e-6 * wide.max()
-            at, plane = np.unique(self.corners[flat, 0, axis].round(9), return_inverse=True)
+            flat = np.ptp(self.corners[:, :, axis], axis=1) <= tiny
+            at, plane = np.unique(np.rint(self.corners[flat, 0, axis] / tiny), return_inverse=True)
             seen = np.bincount(plane, weights=area[flat, axis], minlength=len(at))
-            yield from ((axis, float(x)) for x in at[seen > 0.05 * wide.prod() / size])
+            yield from ((axis, float(x * tiny)) for x in at[seen > 0.05 * wide.prod() / size])
 
     def contains(self, points: Points) -> Flags:
         """Tell which points lie inside: more triangles above them face up than down."""

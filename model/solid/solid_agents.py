@@ -145,11 +145,16 @@ class SolidBody(NamedTuple):
                 found[at] = np.where(inside, own, np.where(apart, before, crossed))
         return found
 
+    @property
+    def reach(self) -> float:
+        """How far (m) levels are told: the diagonal of a part of a cut cell."""
+        return sqrt(3.0) * self.edge / PARTS
+
     def level(self, points: Points) -> Floats:
         """Return about how far points lie outside of the body (m), below 0 within."""
         found = np.full(len(points), -np.inf if self.filled else np.inf)
         for shape, body in self.shapes:
-            own = shape.level(points, sqrt(3.0) * self.edge / PARTS)
+            own = shape.level(points, self.reach)
             found = np.minimum(found, own) if body else np.maximum(found, -own)
         return found
 
@@ -161,14 +166,14 @@ class SolidBody(NamedTuple):
         found = np.where(sorts == WHOLE, 1.0, 0.0)
         for axis in range(3):
             found = np.repeat(found, 2, axis)
-        half, reach = PARTS // 2, sqrt(3.0) * self.edge / PARTS
+        half = PARTS // 2
         for cut in _parts(np.argwhere(sorts == CUT)):
             line = np.arange(PARTS + 1) / PARTS
             within = np.stack(np.meshgrid(line, line, line, indexing="ij"), axis=-1)
             points = ((cut[:, None, None, None] + within) * self.edge).reshape(-1, 3)
             level = self.level(points)
             # Where the body ends with the array the sides go on, so its end is not rounded there.
-            ends = np.clip(points, reach, np.multiply(self.shape, self.edge) - reach)
+            ends = np.clip(points, self.reach, np.multiply(self.shape, self.edge) - self.reach)
             cap = (level < 1e-6 * self.edge) & (ends != points).any(axis=1)
             level[cap] = self.level(ends[cap])
             filled = filled_shares(level.reshape(len(cut), *within.shape[:3]))
